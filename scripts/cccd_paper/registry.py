@@ -232,7 +232,9 @@ ALGORITHM_1 = Comparison(
 _TABLES, _PLOTS = "cccd_paper.comparisons.paper_tables.", "cccd_paper.figures.items."
 
 #: Of items whose comparison is `Comparison.further` for ``others``.
-_FIRST_ONLY = "The default run has the first structure of each case; `snakemake evidence` adds the others."
+_FIRST_ONLY = (
+    "The default run has the first phantom: its truth is known. `snakemake evidence` adds the others."
+)
 
 ITEMS = (
     Item(

@@ -368,13 +368,14 @@ class Plan:
 
     def _is_closer(self, comparison: Comparison, wildcards: OfStructure) -> bool:
         """Whether a comparison is for a closer look, for which no run makes it by itself."""
-        first = comparison.further == "others" and self._leaders[wildcards.case] == wildcards.organ
+        first = comparison.further == "others" and self._first_known == (wildcards.case, wildcards.organ)
         return bool(comparison.further) and self.settings.compare is not True and not first
 
     @cached_property
-    def _leaders(self) -> dict[str, str]:
-        """The first organ of each case."""
-        return {name.case: name.organ for name in reversed(self.cohort.reconstructed)}
+    def _first_known(self) -> StructureName | None:
+        """The first structure whose true surface is known."""
+        names = self.cohort.reconstructed
+        return next((name for name in names if self.cohort.rows[name]["source"] == "phantom"), None)
 
     def evidence_files(self) -> list[str]:
         """Return what the comparisons for a closer look leave, of all structures."""

@@ -149,15 +149,12 @@ def test_a_closer_look_is_a_target_of_its_own_and_the_report_shows_what_is_there
     assert plan_of(MASK, compare=False).comparison_files(named("a/ball")) == []
 
 
-def test_the_default_run_makes_the_longest_comparisons_of_the_first_structure_of_each_case():
+def test_the_default_run_makes_the_longest_comparisons_of_the_first_structure_whose_truth_is_known():
     made = Plan.make({}, ROOT).all_comparison_rows()
     longest = {one.name for one in comparisons().values() if one.further == "others"}
     assert longest == {"isosurfaces", "segmenters"}
     assert {file.removeprefix("results/") for file in made if Path(file).stem in longest} == {
-        *(
-            f"{name}/comparisons/isosurfaces.csv"
-            for name in ("mni152/brain", "phantom/liver", "chest/right_lung")
-        ),
+        "phantom/liver/comparisons/isosurfaces.csv",
         "phantom/liver/comparisons/segmenters.csv",
     }
     assert "results/phantom/lungs/comparisons/algorithm_1.csv" in made
