@@ -30,16 +30,9 @@ __all__ = [
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
-    "job_info",
-    "group_info",
-    "job_started",
-    "job_finished",
-    "job_error",
-    "group_error",
-    "shellcmd",
-    "progress",
-    "resources_info",
-}
+    "job_info", "group_info", "job_started", "job_finished", "job_error", "group_error", "shellcmd",
+    "progress", "resources_info",
+}  # fmt: skip
 #: ... and how other lines begin: of its choice of jobs, of the call of a job that has said why it failed.
 BESIDES = ("Select jobs to execute", "RuleException")
 #: Share of the jobs after which the time left is worth saying.

@@ -231,10 +231,13 @@ ALGORITHM_1 = Comparison(
 
 _TABLES, _PLOTS = "cccd_paper.comparisons.paper_tables.", "cccd_paper.figures.items."
 
+_JUNCTIONS = (
+    "decoder", "kind", "maps", "correct", "dice", "hausdorff_px", "ms", "link_f1", "isolated_corners",
+    "dropped", "bridged",
+)  # fmt: skip
+
 #: Of items whose comparison is `Comparison.further` for ``others``.
-_FIRST_ONLY = (
-    "The default run has the first phantom: its truth is known. `snakemake evidence` adds the others."
-)
+_FIRST_ONLY = "The default run has the first phantom, whose truth is known; `snakemake evidence` all."
 
 ITEMS = (
     Item(
@@ -604,19 +607,7 @@ ITEMS = (
         "in distribution. Dropped are pixels of a map that lie on no curve; bridged are pixels of the curves "
         "that are not in the map.",
         table="junctions",
-        columns=(
-            "decoder",
-            "kind",
-            "maps",
-            "correct",
-            "dice",
-            "hausdorff_px",
-            "ms",
-            "link_f1",
-            "isolated_corners",
-            "dropped",
-            "bridged",
-        ),
+        columns=_JUNCTIONS,
         plots=_PLOTS + "junctions",
         captions=("Share of slices whose curve is right, and mean Dice, per kind of corruption.",),
         network=True,

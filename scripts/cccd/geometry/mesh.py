@@ -184,7 +184,7 @@ class Mesh:
 
     def self_intersections(self) -> IntArray:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""
-        from cccd.geometry.collisions import passing_pairs  # loads a compiler
+        from cccd.geometry.collisions import passing_pairs  # loads libigl
 
         return passing_pairs(self.vertices, self.faces)
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse import coo_array, diags_array
 
-from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
@@ -193,13 +192,12 @@ def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:
         [faces[f, i], faces[g, (j + 2) % 3], faces[f, (i + 1) % 3], faces[f, (i + 2) % 3]]
     )
     cost = _cost_of_quads(vertices[quads])
-    owner, allowed = np.zeros((len(edges), 2), np.int64), np.zeros(len(edges), np.bool_)
-    owner[inner] = np.column_stack([f, g])
-    allowed[inner] = np.isfinite(cost)
-    best = inner[np.argsort(cost, kind="stable")[: int(allowed.sum())]]
-    partner = np.full(len(faces), -1)
-    _pair(best, owner, side.reshape(-1, 3), allowed, partner)
-    chosen = np.flatnonzero((partner[f] == g) & np.isfinite(cost))
+    good = np.flatnonzero(np.isfinite(cost))
+    beside = np.full((len(faces), 3), -1)
+    beside[f[good], i[good]], beside[g[good], j[good]] = g[good], f[good]
+    best = good[np.argsort(cost[good], kind="stable")]
+    partner = _pair(np.column_stack([f, g])[best], beside)
+    chosen = good[partner[f[good]] == g[good]]
     # two triangles may share more than one edge: one pair, one quad
     _, once = np.unique(f[chosen] * len(faces) + g[chosen], return_index=True)
     return quads[chosen[once]], faces[partner < 0]
@@ -220,35 +218,36 @@ def _cost_of_quads(corners: FloatArray) -> FloatArray:
     return np.where(good, aligned + bent, np.inf)
 
 
-@jit
-def _pair(best: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray, partner: IntArray) -> None:
-    """Write the partner (F,) of each triangle, or -1: greedily, then by changing one pair to make two."""
-    for edge in best:
-        x, y = owner[edge, 0], owner[edge, 1]
-        if x != y and partner[x] < 0 and partner[y] < 0:
-            partner[x], partner[y] = y, x
+def _pair(pairs: IntArray, beside: IntArray) -> IntArray:
+    """Partner (F,) of each triangle, or -1: greedily, then by changing one pair to make two.
+
+    ``pairs`` (K, 2) may be joined, the best first; ``beside`` (F, 3) are the triangles across a triangle's
+    edges that it may be joined with, or -1.
+    """
+    partner = np.full(len(beside), -1)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    while len(pairs):  # those that are the best of both their triangles are joined at once
+        best, rank = np.full(len(beside), len(pairs)), np.arange(len(pairs))
+        np.minimum.at(best, pairs, rank[:, None])
+        x, y = pairs[np.all(best[pairs] == rank[:, None], axis=1)].T
+        partner[x], partner[y] = y, x
+        pairs = pairs[np.all(partner[pairs] < 0, axis=1)]
+    found, around = partner.tolist(), beside.tolist()
     for _ in range(PAIRING_ROUNDS):
-        gained = False
-        for x in range(len(side)):
-            if partner[x] < 0 and _pair_by_changing(x, partner, owner, side, allowed):
-                gained = True
-        if not gained:
+        alone = [x for x, other in enumerate(found) if other < 0]
+        if not sum([_pair_by_changing(x, found, around) for x in alone]):
             break
+    return np.array(found, np.int64)
 
 
-@jit_within
-def _pair_by_changing(x: int, partner: IntArray, owner: IntArray, side: IntArray, allowed: BoolArray) -> bool:
-    """Give a triangle a neighbour whose partner finds another one."""
-    for k in range(3):
-        if not allowed[side[x, k]]:
-            continue
-        y = owner[side[x, k], 0] + owner[side[x, k], 1] - x
-        z = partner[y]
-        for n in range(3):
-            if not allowed[side[z, n]]:
-                continue
-            w = owner[side[z, n], 0] + owner[side[z, n], 1] - z
-            if w not in (x, y, z) and partner[w] < 0:
+def _pair_by_changing(x: int, partner: list[int], beside: list[list[int]]) -> bool:
+    """Give a triangle that is alone a neighbour whose partner finds another one."""
+    if partner[x] >= 0:
+        return False
+    for y in beside[x]:
+        z = partner[y] if y >= 0 else -1
+        for w in beside[z] if z >= 0 else []:
+            if w >= 0 and w not in (x, y, z) and partner[w] < 0:
                 partner[x], partner[y], partner[z], partner[w] = y, x, w, z
                 return True
     return False

@@ -82,8 +82,7 @@ class Comparison:
         shipped.
     further : {"", "others", "all"}
         For a closer look: ``snakemake evidence`` makes it, and the next report shows it; a run makes it with
-        the rest only where ``compare`` is true. ``others``: of all but the first phantom, of
-        which every run that compares makes it.
+        the rest only where ``compare`` is true. ``others``: of all but the first phantom.
     """
 
     name: str
