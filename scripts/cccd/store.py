@@ -12,6 +12,7 @@ import glob
 import io
 import json
 import os
+import secrets
 import tempfile
 from collections.abc import Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass, is_dataclass, replace
@@ -105,18 +106,14 @@ def atomic_path(path: str | Path) -> Generator[Path, None, None]:
     path.parent.mkdir(parents=True, exist_ok=True)
     for stale in path.parent.glob(f".{glob.escape(path.stem)}.????????{path.suffix}"):
         stale.unlink(missing_ok=True)  # a killed job left it; an orphan that still writes it fails to rename
-    handle, name = tempfile.mkstemp(prefix=f".{path.stem}.", suffix=path.suffix, dir=path.parent)
-    os.close(handle)
-    temporary = Path(name)
-    try:
+    temporary = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{path.suffix}")
+    try:  # a signal may come as soon as it is there
+        temporary.touch(exist_ok=False)
         try:
             yield temporary
         except OSError as error:
             error.filename = error.filename or str(path)  # a write that fails does not name its file
             raise
-        umask = os.umask(0)
-        os.umask(umask)
-        temporary.chmod(0o666 & ~umask)  # mkstemp makes private files; colleagues must read ours
         temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
