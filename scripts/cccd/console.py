@@ -104,11 +104,11 @@ def duration(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
+def joined_warnings(warnings: Mapping[str, Sequence[str]], of: str = "organs") -> list[str]:
     """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
 
     >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["1 hole", "open"]})
-    ['2 holes: 3 organs (liver, aorta, heart)', 'open: heart']
+    ['2 holes: 3 organs (liver, aorta, heart; numbers of the first)', 'open: heart']
     """
     kinds: dict[str, list[tuple[str, str]]] = {}
     for organ, line in ((organ, line) for organ, lines in warnings.items() for line in lines):
@@ -118,7 +118,8 @@ def joined_warnings(warnings: Mapping[str, Sequence[str]]) -> list[str]:
     for found in sorted(kinds.values(), key=len, reverse=True):
         organs = list(dict.fromkeys(organ for organ, _ in found))
         names = ", ".join(organs[:NAMED]) + (", ..." if len(organs) > NAMED else "")
-        joined.append(f"{found[0][1]}: " + (f"{len(organs)} organs ({names})" if len(organs) > 1 else names))
+        names += "; numbers of the first" * (len(organs) > 1 and len({line for _, line in found}) > 1)
+        joined.append(f"{found[0][1]}: " + (f"{len(organs)} {of} ({names})" if len(organs) > 1 else names))
     return joined
 
 

@@ -88,18 +88,24 @@ def referenced_series(path: Path) -> str:
 
 def lies_in_its_series(path: Path) -> bool:
     """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
-    series = referenced_series(path)
-    return bool(series) and any(_series_of(file) == series for file in path.parent.iterdir() if file != path)
+    if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
+        return False
+    own = {referenced_series(path), _uid(path, "FrameOfReferenceUID")} - {""}
+    return bool(own) and any(_series_of(file) in own for file in path.parent.iterdir() if file != path)
 
 
 def _series_of(path: Path) -> str:
-    """UID of the series that an image belongs to, empty of anything else."""
+    """UID of an image's series, or of its frame of reference where anonymising has taken that."""
     if not path.is_file() or dicom_modality(path) in (None, "", "SEG", "RTSTRUCT"):
         return ""
+    return _uid(path, "SeriesInstanceUID") or _uid(path, "FrameOfReferenceUID")
+
+
+def _uid(path: Path, keyword: str) -> str:
+    """Read a UID from the header of a DICOM file, empty where it has none."""
     import pydicom
 
-    header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["SeriesInstanceUID"])
-    return str(header.get("SeriesInstanceUID", ""))
+    return str(pydicom.dcmread(path, stop_before_pixels=True, specific_tags=[keyword]).get(keyword, ""))
 
 
 def holds_contours(path: Path) -> bool:

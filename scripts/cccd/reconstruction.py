@@ -4,13 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cccd.containers import (
-    Curves,
-    MaskStack,
-    ProbabilityStack,
-    Sections,
-    Structure,
-)
+from cccd.containers import Curves, MaskStack, ProbabilityStack, Sections, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.lookup import find
 from cccd.plugins import table

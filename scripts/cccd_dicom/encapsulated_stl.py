@@ -17,13 +17,7 @@ from cccd.files.options import ExportOptions
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
-from cccd_dicom.rtstruct import (
-    copy_identity,
-    identified_dataset,
-    item_of,
-    reference_slices,
-    references_to,
-)
+from cccd_dicom.rtstruct import copy_identity, identified_dataset, item_of, reference_slices, references_to
 
 __all__ = ["write", "write_encapsulated_stl"]
 

@@ -48,6 +48,8 @@ __all__ = [
 
 #: Modalities of what lies beside images, and has pixels or a position as they have.
 NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
+#: What to do with an image that cannot be read.
+_AGAIN = "copy it again, or take it out of the folder"
 #: Nothing that says whose scan it is: free text, such as a description, may.
 _HEADER = [
     "SOPInstanceUID",
@@ -95,17 +97,22 @@ def known_uid(value: object) -> str:
 def _series_in(folder: Path) -> dict[str, list[_Slice]]:
     """Images under a folder by series; other files and objects are skipped."""
     series: dict[str, list[_Slice]] = defaultdict(list)
+    others: list[_Slice] = []
     for path in sorted(file for file in folder.rglob("*") if file.is_file()):
-        try:
-            header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=_HEADER)
-        except InvalidDicomError:
-            continue
-        except Exception as error:
-            raise InputError(
-                path.name, f"its header is damaged ({type(error).__name__})", "copy it again"
-            ) from None
-        if header.get("Rows") and header.get("Modality") not in NO_IMAGES:
-            series[str(header.get("SeriesInstanceUID", ""))].append(_Slice(path, header))
+        with guarded(path.name, "its header is damaged", _AGAIN):
+            try:
+                header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=_HEADER)
+            except InvalidDicomError:
+                if path.suffix.lower() != ".dcm":
+                    continue
+                raise InputError(path.name, "it is not DICOM, though its name says so", _AGAIN) from None
+        is_image = header.get("Rows") and header.get("Modality") not in NO_IMAGES
+        images = series[str(header.get("SeriesInstanceUID", ""))] if is_image else others
+        images.append(_Slice(path, header))
+    kinds = {sop_uid(files[0].header, "SOPClassUID") for files in series.values()} - {""}
+    for path, header in others:
+        if sop_uid(header, "SOPClassUID") in kinds:
+            raise InputError(path.name, "it is an image whose header ends too early", _AGAIN)
     return series
 
 

@@ -29,7 +29,8 @@ from cccd_dicom.rtstruct import copy_identity, reference_slices
 
 __all__ = ["write", "write_seg"]
 
-#: Said of headers that highdicom makes no SEG of, such as those of two studies.
+#: Said where there is no series, and of headers that highdicom makes no SEG of, such as those of two studies.
+_NO_SERIES = ("a SEG needs its DICOM series, and there is none", "name the series' folder as image")
 _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")
 
 
@@ -38,8 +39,7 @@ def check_series(path: Path, series: Path | None) -> None:
     if series is not None:
         reference_slices(series)
     elif path.name.lower().endswith(".seg.dcm"):
-        problem = "a SEG needs its DICOM series, and there is none"
-        raise InputError(str(path), problem, "name the series' folder as image")
+        raise InputError(str(path), *_NO_SERIES)
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
@@ -73,9 +73,7 @@ def write_seg(
         No series, or the mesh holds none of its voxels.
     """
     if reference is None:
-        raise InputError(
-            str(path), "a SEG needs its DICOM series, and there is none", "name the series' folder as image"
-        )
+        raise InputError(str(path), *_NO_SERIES)
     location = Path(reference).name
     with guarded(location, *_UNUSABLE):
         slices, affines = _grids(reference_slices(Path(reference)))

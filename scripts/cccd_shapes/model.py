@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from cccd.console import joined_warnings
 from cccd.store import write_json
 from cccd_shapes import FEWEST, files
 from cccd_shapes.cohort import Cohort, aligned
@@ -44,9 +45,8 @@ def describe(
     model = principal_modes(shapes, cohort.template.metric)
     crossing = files.write_model(folder, cohort, model, measure_model(model))
     files.write_scores(folder / "scores.csv", cohort, model)
-    made |= {"fit": len(shapes), "control_points": len(model.mean)}
+    made |= {"fit": len(shapes), "control_points": len(model.mean), "warnings": _doubts(cohort) + crossing}
     made["modes_of_90_percent"] = 1 + int((model.compactness < 0.9).sum())
-    made["warnings"] = [*_doubts(cohort), *crossing]
     (folder / "groups.vtp").unlink(missing_ok=True)
     groups = [cohort.subjects[number].row.group for number in cohort.used]
     if min(map(groups.count, groups)) >= FEWEST and len(set(groups)) > 1:
@@ -64,6 +64,6 @@ def describe(
 
 def _doubts(cohort: Cohort) -> list[str]:
     """Return what was mended, and who does not fit."""
-    found = [f"{subject.name}: {note}" for subject in cohort.subjects for note in subject.notes]
+    found = joined_warnings({subject.name: subject.notes for subject in cohort.subjects}, "subjects")
     told = zip(cohort.subjects, cohort.problems, strict=True)
     return found + [f"{subject.name} does not fit: {problem}" for subject, problem in told if problem]

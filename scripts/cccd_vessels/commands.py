@@ -202,7 +202,7 @@ def _cut(given: argparse.Namespace, layers: Callable[[Mesh], list[tuple[Mesh, st
     print(*given.output, sep="\n")
     print(f"  {millilitres(volume)}, {len(named.mesh.faces)} triangles")
     for name, area in areas.items():
-        print(f"  {name}: {area:.4g} mm²")
+        print(f"  {name}: {area:.1f} mm²")
     for note in notes:
         print(f"  note: {note}")
     return 0

@@ -133,7 +133,7 @@ def write_series(
         ds = dicom_file(CTImageStorage, [uid, str(c)])
         ds.PatientName, ds.PatientID, ds.PatientBirthDate, ds.PatientSex = "Test^Anna", "T1", "", "F"
         ds.StudyInstanceUID = generate_uid(entropy_srcs=["study"])
-        ds.SeriesInstanceUID = generate_uid(entropy_srcs=[uid])
+        ds.SeriesInstanceUID = generate_uid(entropy_srcs=[uid]) if uid else ""
         ds.FrameOfReferenceUID = generate_uid(entropy_srcs=["frame"])
         ds.StudyDate, ds.StudyTime, ds.StudyID, ds.AccessionNumber = "20200101", "000000", "1", ""
         ds.ReferringPhysicianName, ds.Manufacturer, ds.Modality = "", "", modality

@@ -158,6 +158,7 @@ def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
         (lambda: cccd.labels("there/liver.nii.gz"), ["liver.nii.gz is not there"]),
         (lambda: cccd.read(__file__, 5.5), ["5.5 is not a label"]),
         (lambda: cccd.read(__file__, None), ["None is not a label"]),
+        (lambda: cccd.reconstruct(ball(), settings={"surface": {}}), ["dict is no cccd.Settings"]),
         *(
             (lambda threshold=threshold: cccd.read(__file__, threshold=threshold), ["is not a range"])
             for threshold in (150, None, "150:", (1, 2, 3), (300, 100), (None, None), (np.nan, None))

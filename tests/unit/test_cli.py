@@ -59,6 +59,7 @@ def contents(folder):
 def test_a_mask_becomes_a_surface(here, capsys):
     assert main(["surface", "liver.nii.gz"]) == 0
     said = capsys.readouterr()
+    assert not said.err  # nothing compiles on the way
     assert "liver.ply" in said.out
     assert " ml (" in said.out
     cccd.reconstruct(cccd.read("liver.nii.gz")).write("library.ply")

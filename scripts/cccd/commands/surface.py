@@ -205,8 +205,6 @@ def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Se
         for note in structure.warnings:
             if isinstance(note, EarlyWarning):
                 tqdm.write(f"warning: {note}", file=sys.stderr)
-        if not _is_compiled():
-            tqdm.write("first use: compiling, once, for about 10 seconds ...", file=sys.stderr)
         surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         samples = [] if given.samples is None else surface.samples(given.samples)
@@ -215,10 +213,3 @@ def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Se
         ]
     made = describe_surface(surface, files, time.perf_counter() - began)
     return made | ({"intervals": surface.intervals} if samples else {})
-
-
-def _is_compiled() -> bool:
-    """Whether Numba's machine code is there, or kept elsewhere, as where the library cannot be written."""
-    library = Path(__file__).parent.parent
-    elsewhere = "NUMBA_CACHE_DIR" in os.environ or not os.access(library, os.W_OK)
-    return elsewhere or any((library / "surface" / "__pycache__").glob("*.nbi"))

@@ -1,13 +1,6 @@
 import numpy as np
 import pytest
-from corner_graph_data import (
-    corner_data,
-    dense_matrices,
-    draw_graph,
-    draw_splits,
-    is_right,
-    number_corners,
-)
+from corner_graph_data import corner_data, dense_matrices, draw_graph, draw_splits, is_right, number_corners
 
 from cccd.containers import Frame
 from cccd.tracing import trace_stack

@@ -65,19 +65,18 @@ def test_of_two_series_the_one_is_taken_that_the_object_refers_to(tmp_path, orga
     scans.write_seg(tmp_path / "seg.dcm", {"liver": organ}, series, ["liver"])
     structure = cccd.read(tmp_path / "seg.dcm", image=tmp_path / "all")
     assert np.corrcoef(structure.image.ravel(), structure.mask.ravel())[0, 1] > 0.5
+    mask = scans.write_nifti(tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE)
     with pytest.raises(cccd.InputError, match="2 DICOM series in this folder"):
-        cccd.read(
-            scans.write_nifti(tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE),
-            image=tmp_path / "all",
-        )
+        cccd.read(mask, image=tmp_path / "all")
 
 
-def test_contours_on_the_scan_s_last_slice_may_be_cut_there(tmp_path, organ):
+@pytest.mark.parametrize(("given", "uid"), [(".", "series"), ("rt.dcm", "series"), ("rt.dcm", "")])
+def test_contours_on_the_scan_s_last_slice_may_be_cut_there(tmp_path, organ, given, uid):
     cut = organ.copy()
     cut[..., -3:] = organ[..., [6]]
-    series = write(tmp_path, cut)
+    series = write(tmp_path, cut, uid)  # anonymising may take it
     write_contours(tmp_path / "rt.dcm", cut, series)
-    (note,) = [note for note in cccd.read(tmp_path).warnings if "may be cut" in note]
+    (note,) = [note for note in cccd.read(tmp_path / given).warnings if "may be cut" in note]
     assert note == "the organ touches the scan's last slice: it may be cut there"
 
 
@@ -161,3 +160,13 @@ def test_contours_along_pixels_get_the_size_of_these(tmp_path, corners):
     assert surface.mesh.euler_number == 2
     away = np.linalg.norm(surface.vertices, axis=1) - 20
     assert np.abs(away).mean() < 0.5  # a sixth of a pixel: no stairs
+
+
+@pytest.mark.parametrize(("kept", "why"), [(0, "not DICOM"), (500, "ends too early")])
+def test_a_slice_that_cannot_be_read_is_named_and_not_left_out(tmp_path, organ, kept, why):
+    series = write(tmp_path, organ)
+    write_contours(tmp_path / "rt.dcm", organ, series)
+    last = sorted(tmp_path.glob("[!r]*.dcm"))[-1]
+    last.write_bytes(last.read_bytes()[:kept])
+    with pytest.raises(cccd.InputError, match=f"{last.name}: it is .*{why}"):
+        cccd.read(tmp_path)

@@ -97,9 +97,13 @@ def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported():
     assert not again.missing
 
 
-def test_a_cohort_without_any_mask_is_refused():
-    config = {"cohort": str(plans.write_sheet([A_BALL | {"mask": "nowhere.nii.gz"}]))}
-    with pytest.raises(InputError, match=r"sheet\.tsv row 2: mask: there is no nowhere"):
+@pytest.mark.parametrize("problem", ["there is no", "you may not read"])
+def test_a_cohort_without_any_mask_is_refused(problem, monkeypatch):
+    if problem == "you may not read":
+        Path("mask.nii.gz").touch(mode=0)
+        monkeypatch.setattr(os, "access", lambda path, _: bool(os.stat(path).st_mode & 0o400))  # root may
+    config = {"cohort": str(plans.write_sheet([A_BALL | {"mask": "mask.nii.gz"}]))}
+    with pytest.raises(InputError, match=rf"sheet\.tsv row 2: mask: {problem} mask\.nii\.gz"):
         Plan.make(config, plans.ROOT, leave_out_missing=True)
 
 

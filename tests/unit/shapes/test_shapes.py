@@ -19,6 +19,7 @@ from cccd.store import read_bodies
 from cccd_shapes import FROM_MEAN
 from cccd_shapes.cohort import Cohort, aligned, first_template, fit_cohort, fit_subject, read_fit
 from cccd_shapes.fit import Fit, fit_template, similarity
+from cccd_shapes.model import _doubts
 from cccd_shapes.series import fit_series
 from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
 from cccd_shapes.template import Template, control_mesh_of
@@ -107,6 +108,11 @@ def test_fits_are_closed_near_and_simple_and_what_is_no_such_organ_is_listed(coh
         assert fit.rms < 0.1
         assert mesh.is_closed_manifold
         assert len(mesh.self_intersections()) == 0
+
+
+def test_what_masks_of_many_subjects_warn_of_is_one_line(cohort):
+    noted = [replace(one, notes=(f"filled {n} cavities",)) for n, one in enumerate(cohort[0].subjects)]
+    assert _doubts(replace(cohort[0], subjects=noted))[0].startswith("filled 0 cavities: 6 subjects (")
 
 
 def test_the_order_of_rows_changes_no_bit_and_fits_are_kept(cohort):

@@ -11,13 +11,7 @@ from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.k_sweep import OWN, _outline, compare_k, search_chain
-from cccd_paper.comparisons.parameters import (
-    BEST_OF_GRID,
-    CHAIN_BEST,
-    CHAIN_GRID,
-    LARGEST_SHARE,
-    UNTUNED,
-)
+from cccd_paper.comparisons.parameters import BEST_OF_GRID, CHAIN_BEST, CHAIN_GRID, LARGEST_SHARE, UNTUNED
 from cccd_paper.settings import SliceChoice
 
 KS = (3, 20)
