@@ -11,6 +11,8 @@ __all__ = ["MovingTriangles", "passing_pairs"]
 
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
 _TOUCHING = 1e-12
+#: Where more of the triangles have moved all are searched: libigl takes no longer for that.
+_MANY = 0.1
 
 
 class MovingTriangles:
@@ -33,15 +35,15 @@ class MovingTriangles:
 
     def __init__(self, faces: IntArray) -> None:
         self.faces = faces
-        self._vertices: FloatArray | None = None
+        self._vertices: FloatArray = np.full(3, np.nan)  # which all differ from
         self._pairs = np.zeros((0, 2), np.int64)
 
     def passing_pairs(self, vertices: FloatArray) -> IntArray:
         """Find the pairs (K, 2) that pass through each other, with the vertices (V, 3) as they are now."""
-        if self._vertices is None:
+        moved = np.any(np.any(vertices != self._vertices, axis=1)[self.faces], axis=1)
+        if np.count_nonzero(moved) > _MANY * len(moved):
             self._pairs = passing_pairs(vertices, self.faces)
         else:
-            moved = np.any(np.any(vertices != self._vertices, axis=1)[self.faces], axis=1)
             still = self._pairs[~moved[self._pairs].any(axis=1)]
             self._pairs = np.concatenate([still, passing_pairs(vertices, self.faces, moved)])
         self._vertices = vertices.copy()

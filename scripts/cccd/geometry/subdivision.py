@@ -23,8 +23,8 @@ __all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "
 
 #: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
 DRAWN = 2
-#: ... and one less (8 for each) where there are more quads than this: the phantom's lungs come no less near to
-#: the truth (.070 mm in place of .072), in a sixth less time, and their normals are .15 degrees further off.
+#: ... and one less (8 for each) where there are more quads than this: the phantom's lungs come as near to the
+#: truth (.070 mm in place of .072), in a sixth less time, and their normals are .15 degrees further off.
 LARGE = 15_000
 #: An edge as sharp as this stays sharp however often it is subdivided (as in OpenSubdiv and USD).
 SHARP = 10.0

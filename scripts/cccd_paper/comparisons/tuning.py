@@ -58,9 +58,9 @@ class _Scorer:
 
     def score(self, vertices: np.ndarray) -> tuple[float, float]:
         moved = Mesh(vertices, self.mesh.faces)
-        # of so few points; libigl's boxes around the triangles cost four times as much
-        nearest = pv.PolyData(moved.to_vtk()).find_closest_cell(self.truth.points, return_closest_point=True)
-        there = np.linalg.norm(nearest[1] - self.truth.points, axis=1)
+        drawn: Any = pv.PolyData(moved.to_vtk())  # for few points libigl's boxes cost four times as much
+        _, nearest = drawn.find_closest_cell(self.truth.points, return_closest_point=True)
+        there = np.linalg.norm(nearest - self.truth.points, axis=1)
         points = np.einsum("pc,pcx->px", self.weights, vertices[moved.faces[self.sampled]])
         back = unsigned_to_mesh(points, self.truth.reference.mesh)
         return float(there.mean() + back.mean()) / 2, self._bending(moved)
