@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19754,
+    "scripts/cccd": 19749,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1323,

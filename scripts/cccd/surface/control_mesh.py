@@ -224,20 +224,15 @@ def _pair(pairs: IntArray, beside: IntArray) -> IntArray:
     ``pairs`` (K, 2) may be joined, the best first; ``beside`` (F, 3) are the triangles across a triangle's
     edges that it may be joined with, or -1.
     """
-    partner = np.full(len(beside), -1)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    while len(pairs):  # those that are the best of both their triangles are joined at once
-        best, rank = np.full(len(beside), len(pairs)), np.arange(len(pairs))
-        np.minimum.at(best, pairs, rank[:, None])
-        x, y = pairs[np.all(best[pairs] == rank[:, None], axis=1)].T
-        partner[x], partner[y] = y, x
-        pairs = pairs[np.all(partner[pairs] < 0, axis=1)]
-    found, around = partner.tolist(), beside.tolist()
+    partner, around = [-1] * len(beside), beside.tolist()
+    for x, y in pairs.tolist():  # of a coarse mesh: an array's rounds take longer
+        if x != y and partner[x] < 0 and partner[y] < 0:
+            partner[x], partner[y] = y, x
     for _ in range(PAIRING_ROUNDS):
-        alone = [x for x, other in enumerate(found) if other < 0]
-        if not sum([_pair_by_changing(x, found, around) for x in alone]):
+        alone = [x for x, other in enumerate(partner) if other < 0]
+        if not sum([_pair_by_changing(x, partner, around) for x in alone]):
             break
-    return np.array(found, np.int64)
+    return np.array(partner, np.int64)
 
 
 def _pair_by_changing(x: int, partner: list[int], beside: list[list[int]]) -> bool:

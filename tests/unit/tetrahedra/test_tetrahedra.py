@@ -103,8 +103,8 @@ def test_each_organ_is_cut_by_its_own_scan():
 def test_the_angles_are_fit_for_a_solver(bar):
     _, report = bar
     for organ in report["organs"].values():
-        # the mesher makes other tetrahedra on other machines; the least angle is a warning
-        assert organ["least_dihedral_deg"]["p5"] > 15
+        assert organ["least_dihedral_deg"]["min"] > 8
+        assert organ["least_dihedral_deg"]["p5"] > 15  # the mesher makes others on another machine
         assert organ["radius_ratio"]["median"] > 0.5
     assert report["warnings"] == []
 
