@@ -33,13 +33,12 @@ from cccd.inputs.file_requests import (
     Threshold,
     check_rule,
     holds_series,
-    name_of,
     refuse_image,
     request_for,
 )
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
-from cccd.inputs.load import existing, frame_of, scan_of
-from cccd.inputs.row_files import list_labels, read_image
+from cccd.inputs.load import existing, scan_of
+from cccd.inputs.row_files import list_labels
 from cccd.lookup import find
 from cccd.plugins import table
 from cccd.project import SHIPPED_WEIGHTS
@@ -67,7 +66,6 @@ __all__ = [
     "order",
     "read",
     "reconstruct",
-    "smooth_mesh",
 ]
 
 _DEFAULTS = Settings()
@@ -75,7 +73,7 @@ _DEFAULTS = Settings()
 F = TypeVar("F", bound=Callable[..., object])
 
 
-def _one_thread(function: F) -> F:
+def one_thread(function: F) -> F:
     """Run in one thread, as a job of the workflow does: sums round by how many threads share them."""
     return cast("F", threadpool_limits.wrap(limits=1)(function))  # which has no types
 
@@ -197,7 +195,7 @@ class Surface:
             side: replace(self, lofted=lofted, name=f"{self.name}_{side}") for side, lofted in sides.items()
         }
 
-    @_one_thread
+    @one_thread
     def samples(self, count: int = 50, *, seed: int = 0) -> list[Surface]:
         """Draw surfaces as the true one may lie: compute any number of each, and read off its interval.
 
@@ -254,7 +252,7 @@ class Surface:
         x, y, z = (float(length) for length in np.ptp(self.vertices, axis=0))
         return x, y, z
 
-    @_one_thread
+    @one_thread
     def uniform(self, triangles: int | None = None, edge_mm: float | None = None) -> Surface:
         """Return the surface with triangles of about one size.
 
@@ -298,7 +296,7 @@ class Surface:
         return self.to_pyvista().plot(**options)
 
     @needing("surface.write")
-    @_one_thread
+    @one_thread
     def write(
         self,
         path: str | Path,
@@ -332,7 +330,7 @@ class Surface:
         InputError
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
-        surface = _given(settings).surface
+        surface = checked_settings(settings).surface
         on_scan = format_of(path) in {"nii.gz", "dcm", "seg.dcm"}
         lofted = self.given if on_scan and self.given is not None else self.lofted
         options = ExportOptions(
@@ -432,7 +430,7 @@ def read(
     labels : what a file contains.
     reconstruct : the surface of the result.
     """
-    settings = _given(settings)
+    settings = checked_settings(settings)
     with needing("cccd.read"):
         request = request_for(
             path,
@@ -446,7 +444,7 @@ def read(
         return _warned(read_request(request, settings.import_, settings.seed), 2)
 
 
-def _given(settings: Settings | None) -> Settings:
+def checked_settings(settings: Settings | None) -> Settings:
     """Return settings as they were given, the default ones where there are none."""
     if isinstance(settings, Settings | None):
         return settings or _DEFAULTS
@@ -462,7 +460,7 @@ def _warned(structure: Structure, level: int) -> Structure:
 
 
 @needing("cccd.reconstruct")
-@_one_thread
+@one_thread
 def reconstruct(
     organ: Structure | Curves | np.ndarray | FileBasedImage | sitk.Image,
     affine: np.ndarray | None = None,
@@ -512,7 +510,7 @@ def reconstruct(
     >>> surface.mesh.is_watertight, bool(abs(surface.volume / (2 * ball.sum()) - 1) < 0.01)
     (True, True)
     """
-    settings = _given(settings)
+    settings = checked_settings(settings)
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
@@ -548,77 +546,6 @@ def surface_of(structure: Structure, lofted: LoftedSurface) -> Surface:
     return Surface(lofted, structure.organ, _series(structure), notes, drawn, scan=scan_of(structure))
 
 
-@needing("cccd.smooth_mesh")
-@_one_thread
-def smooth_mesh(
-    path: str | Path,
-    like: str | Path | None = None,
-    *,
-    label: str = "",
-    settings: Settings | None = None,
-    progress: Callable[[str], None] | None = None,
-) -> Surface:
-    """Make a smooth closed surface of a mesh, a solid, or contours in planes of several directions.
-
-    Parameters
-    ----------
-    path : path
-        PLY, STL, OBJ, GLB, VTP, GIfTI, ``surface.h5``, STEP, IGES or BREP, in mm RAS. Contours: CSL, or an
-        RTSTRUCT drawn in planes of several directions.
-    like : path, optional
-        A scan or the folder of a DICOM series: label maps, SEG and RTSTRUCT that are written lie on its grid,
-        and hold the mesh as it was given.
-    label : str
-        Number or name of an RTSTRUCT's ROI.
-    settings, progress
-        See `reconstruct`.
-
-    Returns
-    -------
-    Surface
-        What was mended is among its warnings.
-
-    Raises
-    ------
-    InputError
-        Not readable, open, or not where the scan is.
-
-    See Also
-    --------
-    reconstruct : of voxels and contours.
-    """
-    from cccd.closed_meshes import (
-        check_overlap,
-        drawn_planes,
-        read_closed_mesh,
-        structure_of_mesh,
-        structure_of_planes,
-    )
-
-    settings, path = _given(settings), Path(path)
-    tell = progress or (lambda step: None)
-    tell("contours")
-    planes = drawn_planes(existing(path.absolute(), path.name), label)
-    if planes is None:
-        structure = structure_of_mesh(read_closed_mesh(path), name_of(path))
-    else:
-        structure = structure_of_planes(planes, name_of(path))
-    given, series, scan = None, None, None
-    if like is not None:
-        source = existing(Path(like).absolute(), Path(like).name)
-        scan = read_image(source, "files", settings.import_.fill_gaps)
-        grid = frame_of(scan, settings.import_)
-        if structure.truth is not None:
-            check_overlap(structure.truth, scan, path.name)
-            given = LoftedSurface([], structure.truth, grid)
-        series = source if source.is_dir() else None
-    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = loft_sections(structure.sections(curves), settings.surface, tell)
-    lofted = replace(lofted, band=None)  # that is of organs in scans
-    notes = (*structure.warnings, *lofted.report["warnings"])
-    return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)
-
-
 def _series(structure: Structure) -> Path | None:
     """Folder of the DICOM series that a structure came from."""
     folders = (Path(name) for name in structure.provenance.get("files", ()))
@@ -633,7 +560,7 @@ def check_references(paths: Sequence[Path], structure: Structure) -> None:
 
 
 @needing("cccd.fit_contours")
-@_one_thread
+@one_thread
 def fit_contours(
     contours: Curves | Sequence[np.ndarray],
     affine: np.ndarray | None = None,
@@ -669,7 +596,7 @@ def fit_contours(
 
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
-    return describe_curves(contours, _given(settings).curves)
+    return describe_curves(contours, checked_settings(settings).curves)
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
@@ -692,7 +619,7 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
 
 
 @needing("cccd.order", "gnn")
-@_one_thread
+@one_thread
 def order(
     boundary_map: np.ndarray,
     affine: np.ndarray | None = None,
@@ -726,7 +653,7 @@ def order(
     InputError
         No map encloses a region.
     """
-    settings = _given(settings)
+    settings = checked_settings(settings)
     maps = np.asarray(boundary_map) != 0
     grey = None if image is None else np.asarray(image, np.float32)
     if maps.ndim == 2:

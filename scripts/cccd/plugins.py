@@ -40,7 +40,7 @@ __all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
 PACKAGES = (
     "cccd",
     *("cccd_networks", "cccd_segmentation", "cccd_datasets", "cccd_junctions", "cccd_labels", "cccd_dicom"),
-    *("cccd_solids", "cccd_tetrahedra", "cccd_vessels", "cccd_shapes"),
+    *("cccd_meshes", "cccd_solids", "cccd_tetrahedra", "cccd_vessels", "cccd_shapes"),
     *("cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 

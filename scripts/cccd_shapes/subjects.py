@@ -12,7 +12,6 @@ from pathlib import Path
 import numpy as np
 
 from cccd.bands import Band
-from cccd.closed_meshes import read_closed_mesh
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh
@@ -20,6 +19,7 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
+from cccd_meshes.closed_meshes import read_closed_mesh
 from cccd_shapes import FEWEST
 from cccd_workflow.sheet import read_rows
 

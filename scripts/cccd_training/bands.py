@@ -23,7 +23,6 @@ from tqdm.contrib.concurrent import process_map
 
 from cccd.bands.calibration import REGIMES, SHIPPED, Calibration, Curve
 from cccd.bands.signs import SIGNS
-from cccd.closed_meshes import read_closed_mesh
 from cccd.contours import trace_contours
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
@@ -38,6 +37,7 @@ from cccd_calibration.factors import Thinned, calibrate
 from cccd_calibration.thinning import LEAST_SLICES, compare
 from cccd_datasets.implicit_solids import ImplicitFunction, mesh_zero_set
 from cccd_datasets.phantoms import ORGANS
+from cccd_meshes.closed_meshes import read_closed_mesh
 from cccd_training.distance.bodies import ball_with_bumps, closed_body
 
 #: Bodies of each kind, and stacks of each: factors for few are wide, bands for .9 hold .93 after 50 stacks.

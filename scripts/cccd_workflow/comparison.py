@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 
 from cccd.api import Surface, read
-from cccd.closed_meshes import mend
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry.arrays import BoolArray, FloatArray
@@ -30,6 +29,7 @@ from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import affine_of, measure_labels
+from cccd_meshes.closed_meshes import mend
 
 __all__ = ["Compared", "Comparison", "compare", "missed_limits"]
 

@@ -13,13 +13,7 @@ from cccd import store
 
 STRUCTURES = [("tiny", "sphere"), ("tiny", "two_spheres")]
 LOFT = "scripts/cccd/surface/loft.py"
-AFTER_CURVES = {
-    "loft_surface",
-    "compare_structure",
-    "measure_structure",
-    "build_tables",
-    "build_report",
-}
+AFTER_CURVES = {"loft_surface", "compare_structure", "measure_structure", "build_tables", "build_report"}
 
 
 def test_everything_promised_is_there(tiny_run):

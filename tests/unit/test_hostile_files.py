@@ -59,7 +59,7 @@ def test_no_rule_builds_a_shell_command():
         (
             {
                 "dependencies": [
-                    {"name": "a", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]},
+                    {"name": "a", "version": "1", "vulns": [{"id": "CVE-1", "fix_versions": ["2"]}]}
                 ]
             },
             1,

@@ -17,10 +17,7 @@ MODELS = Path(__file__).parents[2] / "workflow" / "models"
 @pytest.fixture
 def files(tmp_path):
     """A file of each network."""
-    networks = {
-        "ours": JunctionNetwork(**NetworkSettings(**FITTING).sizes),
-        "paper": PaperNetwork(4, 0.5),
-    }
+    networks = {"ours": JunctionNetwork(**NetworkSettings(**FITTING).sizes), "paper": PaperNetwork(4, 0.5)}
     for name, network in networks.items():
         save_model(tmp_path / f"{name}.pt", name, network.sizes, network.state_dict(), 0)
     return tmp_path

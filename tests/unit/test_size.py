@@ -8,12 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19749,
+    "scripts/cccd": 19307,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1323,
     "scripts/cccd_junctions": 4002,
     "scripts/cccd_labels": 2717,
+    "scripts/cccd_meshes": 464,
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9591,
     "scripts/cccd_segmentation": 1713,
@@ -24,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5974,
     "bench": 4709,
-    "tests": 24897,
+    "tests": 24870,
 }
 
 

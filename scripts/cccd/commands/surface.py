@@ -142,13 +142,12 @@ def _is_shape(path: Path, label: str) -> bool:
 
     if not path.is_file() or without_suffix(path.name) is not None:
         return False
-    from cccd.closed_meshes import drawn_planes
     from cccd.files.read_meshes import is_mesh
 
     if is_mesh(path):
         return True
     try:
-        return drawn_planes(path, label) is not None
+        return find(table("READERS")["planes"].read)(path, label) is not None
     except InputError:
         return path.name.lower().endswith(".csl")
 

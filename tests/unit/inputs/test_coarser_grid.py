@@ -50,11 +50,7 @@ def copied_ball():
 
 
 @settings(max_examples=25, deadline=None)
-@given(
-    seed=st.integers(0, 1000),
-    ratios=st.tuples(*[st.floats(1.5, 5)] * 3),
-    faces=st.booleans(),
-)
+@given(seed=st.integers(0, 1000), ratios=st.tuples(*[st.floats(1.5, 5)] * 3), faces=st.booleans())
 @example(seed=0, ratios=(2.0, 2.0, 3.90625), faces=False)  # 4 fits all borders, and a voxel more is needed
 def test_the_voxels_that_were_copied_are_found(seed, ratios, faces):
     rng = np.random.default_rng(seed)

@@ -193,10 +193,7 @@ BAD = {
         "case.pkl, which says where it lies, is not next to it",
     ),
     "code in the properties": (properties({"sitk_stuff": Trap()}), "it asks for builtins.print"),
-    "properties of nothing": (
-        properties({"spacing": (1, 1, 1)}),
-        "lacks the position of the probabilities",
-    ),
+    "properties of nothing": (properties({"spacing": (1, 1, 1)}), "lacks the position of the probabilities"),
     "no archive": (content("case.npz", b"not a zip"), NO_ARCHIVE),
     "logits": (
         archive(probabilities=np.full((2, 3, 4, 5), 7.5, np.float32)),

@@ -9,13 +9,7 @@ from cccd.inputs.regions import draw_region
 from cccd.settings.imports import RegionSettings
 from cccd_segmentation.regions import find_region
 
-REGION = {
-    "window": "otsu",
-    "components": 1,
-    "smallest_share": 0.0,
-    "drop_border": False,
-    "fill_holes": False,
-}
+REGION = {"window": "otsu", "components": 1, "smallest_share": 0.0, "drop_border": False, "fill_holes": False}
 
 
 def load(folder, **region):
@@ -55,10 +49,7 @@ def test_lungs_in_a_chest():
     image[18:20, 24:26, 10:13] = 60
     image[29:31, 10:12, 8:10] = -900  # gas that is too small to be taken for a third
     found, _ = find_region(
-        image,
-        "x",
-        RegionSettings(window=(None, -400), components=3, drop_border=True),
-        slice_axis=2,
+        image, "x", RegionSettings(window=(None, -400), components=3, drop_border=True), slice_axis=2
     )
     np.testing.assert_array_equal(found, lungs)
 

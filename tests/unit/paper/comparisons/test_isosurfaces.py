@@ -68,11 +68,7 @@ def test_one_row_per_method(structure):
     curves = trace_mask(structure)
     surface = loft_surface(Sections(curves), LoftSettings())
     table = compare_isosurfaces(
-        structure,
-        curves,
-        surface,
-        IsosurfaceSettings(methods=[*METHODS, *OF_POINTS]),
-        LoftSettings(),
+        structure, curves, surface, IsosurfaceSettings(methods=[*METHODS, *OF_POINTS]), LoftSettings()
     )
     expected = ["CCCD", *METHODS, *(OF_POINTS if has_open3d() else [])]
     assert table["method"].drop_duplicates().tolist() == expected

@@ -1,0 +1,1 @@
+"""Meshes of others, and contours in planes of several directions, as organs: mended, cut, smoothed."""
