@@ -22,7 +22,10 @@ from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.limits import LIMITS, Limits, check_count, check_size
+from cccd.inputs.load import Scan
 from cccd.inputs.readers import guarded
+from cccd.request import Request
+from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import choices
 from cccd.tolerances import (
     CONTOUR_PLANE,
@@ -32,6 +35,7 @@ from cccd.tolerances import (
     SAME_PLANE_MM,
     SAME_POSITION_PX,
 )
+from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 
 __all__ = [
     "NO_IMAGES",
@@ -52,17 +56,8 @@ NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
 _AGAIN = "copy it again, or take it out of the folder"
 #: Nothing that says whose scan it is: free text, such as a description, may.
 _HEADER = [
-    "SOPInstanceUID",
-    "SeriesInstanceUID",
-    "SeriesNumber",
-    "Modality",
-    "Rows",
-    "Columns",
-    "NumberOfFrames",
-    "ImagePositionPatient",
-    "ImageOrientationPatient",
-    "PixelSpacing",
-    "SliceThickness",
+    *("SOPInstanceUID", "SeriesInstanceUID", "SeriesNumber", "Modality", "Rows", "Columns", "NumberOfFrames"),
+    *("ImagePositionPatient", "ImageOrientationPatient", "PixelSpacing", "SliceThickness"),
     "FrameOfReferenceUID",
 ]
 
@@ -641,6 +636,26 @@ class Regions:
                 raise InputError(location, f"ROI {names[number]!r} has no contours", choices(filled))
             rois.append([contour for contour in contours if len(contour)])
         return rois
+
+    def scan(self, request: Request, image: Volume | None, settings: ImportSettings) -> Scan:
+        """Take the contours that are asked for, and of the image the slices that they were drawn on."""
+        rois, location = self.contours(request.label, request.organ), self.location
+        drawn = [contour for roi in rois for contour in roi]
+        if not drawn:
+            raise InputError(location, "its ROI holds points only", "choose another ROI")
+        others = None if image is not None else self.first_points
+        frame, keep, warnings = contour_frame(drawn, image, location, settings.contour_pixel_mm, others)
+        if settings.slice_axis not in ("auto", frame.slice_axis):
+            problem = f"its contours lie across axis {frame.slice_axis}, not {settings.slice_axis}"
+            raise InputError(location, problem, "set import: slice_axis: auto")
+        if image is not None and image.frame_of_reference not in ("", self.frame_of_reference):
+            warnings.append(f"{location}: its frame of reference is not that of {image.location}")
+        contours, notes = assemble_contours(rois, frame, location)
+        grey = None
+        if image is not None and keep is not None:
+            grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
+        scan = Scan(frame, grey, contours=contours, annotated=request.annotated, names=self.names)
+        return replace(scan, warnings=warnings + notes)
 
     @cached_property
     def first_points(self) -> FloatArray:

@@ -217,15 +217,8 @@ def references_to(slices: list[Dataset]) -> list[Dataset]:
 
 #: What identifies patient and study.
 _IDENTITY = (
-    "PatientName",
-    "PatientID",
-    "PatientBirthDate",
-    "PatientSex",
-    "StudyDate",
-    "StudyTime",
-    "StudyID",
-    "AccessionNumber",
-    "ReferringPhysicianName",
+    *("PatientName", "PatientID", "PatientBirthDate", "PatientSex"),
+    *("StudyDate", "StudyTime", "StudyID", "AccessionNumber", "ReferringPhysicianName"),
 )
 
 #: SOP class of a study, retired from the standard and still what an RTSTRUCT refers to (PS3.3, C.8.8.5).

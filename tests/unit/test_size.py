@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19307,
+    "scripts/cccd": 18913,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
-    "scripts/cccd_dicom": 1323,
+    "scripts/cccd_dicom": 1691,
     "scripts/cccd_junctions": 4002,
     "scripts/cccd_labels": 2717,
     "scripts/cccd_meshes": 464,

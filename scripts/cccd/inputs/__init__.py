@@ -8,7 +8,6 @@ module               holds
 ``file_requests``    requests of a path and a caller's other arguments
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
 ``nnunet``           nnU-Net's probabilities
-``drawn_contours``   drawn contours to ordered curves
 ``regions``          a picture of what was read
 ``grid``             `Volume`, and its move to another grid
 ``labels``           which labels, segments or regions are meant

@@ -230,7 +230,7 @@ def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> 
                 request.location, "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
             )
         regions = files.read(find(table("READERS")["RTSTRUCT"].read), paths["mask"])
-        scan = _scan_of_contours(regions, request, image, settings)
+        scan = regions.scan(request, image, settings)
     else:
         scan = _scan_of_voxels(paths, request, image, settings, files)
     provenance = {
@@ -253,32 +253,6 @@ def slice_axis_of(volume: Volume, settings: ImportSettings) -> int:
     """Axis along which slices run; uneven ones are DICOM's, on a grid that may be finer than their pixels."""
     known = volume.uneven and settings.slice_axis == "auto"
     return 2 if known else find_slice_axis(volume.affine, settings.slice_axis)
-
-
-def _scan_of_contours(regions: Any, request: Request, image: Volume | None, settings: ImportSettings) -> Scan:
-    """Take drawn contours, and of the image the slices that they were drawn on."""
-    from cccd.inputs.drawn_contours import assemble_contours, contour_frame
-
-    rois, location = regions.contours(request.label, request.organ), regions.location
-    drawn = [contour for roi in rois for contour in roi]
-    if not drawn:
-        raise InputError(location, "its ROI holds points only", "choose another ROI")
-    others = None if image is not None else regions.first_points
-    frame, keep, warnings = contour_frame(drawn, image, location, settings.contour_pixel_mm, others)
-    if settings.slice_axis not in ("auto", frame.slice_axis):
-        raise InputError(
-            location,
-            f"its contours lie across axis {frame.slice_axis}, not {settings.slice_axis}",
-            "set import: slice_axis: auto",
-        )
-    if image is not None and image.frame_of_reference not in ("", regions.frame_of_reference):
-        warnings.append(f"{location}: its frame of reference is not that of {image.location}")
-    contours, notes = assemble_contours(rois, frame, location)
-    grey = None
-    if image is not None and keep is not None:
-        grey = image.data[tuple(keep if axis == frame.slice_axis else slice(None) for axis in range(3))]
-    known: dict[str, Any] = {"contours": contours, "annotated": request.annotated, "names": regions.names}
-    return Scan(frame, grey, **known, warnings=warnings + notes)
 
 
 def _scan_of_voxels(

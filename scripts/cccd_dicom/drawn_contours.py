@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry, BaseMultipartGeometry
 
 from cccd.containers import Curves, Frame
 from cccd.errors import InputError
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
+from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.inputs.grid import Volume, even_grid
 from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
@@ -253,7 +253,8 @@ def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str)
     warnings += [f"{location}: {doubled} contours are there twice; one of each is used"] if doubled else []
     warnings += [f"{location}: no contour on {empty} slices between the first and the last"] if empty else []
     hole = np.array(holes, bool)
-    polygons = _orient(rings, hole)
+    turned = (RaggedPolygons.of(rings).signed_areas > 0) == hole  # outlines run counter-clockwise
+    polygons = RaggedPolygons.of([r[::-1] if turn else r for r, turn in zip(rings, turned, strict=True)])
     return Curves(polygons.points, polygons.offsets, np.array(ks, np.int32), hole, frame), warnings
 
 
@@ -357,11 +358,3 @@ def _unite(regions: list[_Nested]) -> _Nested:
     ]
     rings, holes = zip(*_rings_of(shapely.union_all(areas)), strict=True)
     return _Nested(list(rings), list(holes), 0)
-
-
-def _orient(rings: list[FloatArray], holes: BoolArray) -> RaggedPolygons:
-    """Turn outer rings counter-clockwise and holes clockwise."""
-    positive = RaggedPolygons.of(rings).signed_areas > 0
-    return RaggedPolygons.of(
-        [ring[::-1] if flip else ring for ring, flip in zip(rings, positive == holes, strict=True)]
-    )
