@@ -4,12 +4,12 @@ from pathlib import Path
 
 from cccd.inputs import load_structure
 from cccd.inputs.load import with_segmentation_notes
-from cccd.inputs.regions import draw_region
 from cccd.lookup import call
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
 from cccd.store import read_json, write_boundaries, write_contours, write_structure
 from cccd_junctions.boundary import extract_boundaries
+from cccd_viewers.regions import draw_region
 from cccd_workflow.cohort import naming_row
 from cccd_workflow.job import job
 

@@ -336,6 +336,28 @@ class Structure:
         level = self.probability_stack
         return MaskStack(self.required_stack("mask")) if level is None else level
 
+    @property
+    def voxels(self) -> np.ndarray:
+        """What stands for the organ, on the grid of the structure's arrays (a, b, c): contours are filled.
+
+        Raises
+        ------
+        InputError
+            There is nothing but an image.
+        """
+        source = self.source
+        if not isinstance(source, Curves):
+            drawn = [array for array in (self.boundary, self.region, self.mask) if array is not None]
+            return drawn[0]
+        image = self.stack("image")
+        if image is not None:
+            a, b, c = image.shape
+        else:  # what the image would be cropped to: as much beyond the contours as before them
+            margin = int(source.slice.min() - self.stack_origin[0])
+            last = np.array([source.slice.max(), *np.ceil(source.points.max(axis=0))]).astype(int)
+            a, b, c = (int(n) + 1 + margin for n in last - self.stack_origin)
+        return np.moveaxis(source.rasterise(self.stack_origin, (a, b, c)), 0, self.frame.slice_axis)
+
     def sections(self, curves: Curves) -> Sections:
         """Combine curves of the structure with what else it knows of its slices."""
         source = self.source

@@ -19,10 +19,10 @@ from cccd.inputs.annotation import AUTO
 from cccd.inputs.file_requests import refuse_image, request_for
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.load import existing
-from cccd.inputs.regions import DrawnLabels, voxels_of
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd_labels.label_maps import MapLabel, colour_of, list_map, read_parts
+from cccd_viewers.regions import DrawnLabels
 
 __all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
 
@@ -88,7 +88,7 @@ def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel,
         except InputError as error:
             yield replace(label, left_out=error.problem), None
         else:
-            yield label, Volume(voxels_of(organ), affine_of(organ), label.name)
+            yield label, Volume(organ.voxels, affine_of(organ), label.name)
 
 
 def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabel:
@@ -140,7 +140,7 @@ def survey_labels(
     every = ",".join(label.label for label, _, _ in there)
     structure = read(path, every, image=image, annotated=annotated)
     structure = replace(structure, organ=structure.case)
-    ranks = np.zeros(voxels_of(structure).shape, np.int32)
+    ranks = np.zeros(structure.voxels.shape, np.int32)
     for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
         _paint(ranks, affine_of(structure), part, rank)
     drawn = DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told])

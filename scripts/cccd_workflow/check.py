@@ -20,11 +20,11 @@ from cccd.console import print_error
 from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.inputs.regions import DrawnLabels, draw_region
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
 from cccd_labels.label_survey import SurveyedLabel, measure_labels, survey_labels
+from cccd_viewers.regions import DrawnLabels, draw_region
 from cccd_workflow.cohort import read_cohort
 
 __all__ = ["add_check"]

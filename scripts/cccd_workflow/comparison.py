@@ -23,7 +23,6 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
-from cccd.inputs.regions import voxels_of
 from cccd.limits import LIMITS, TOLERANCE_MM
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
@@ -201,7 +200,7 @@ def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Sh
         return [_Shape.of_mesh(_closed(found.mesh, path.name, notes))]
     if label:
         structure = read(path, label)
-        voxels = Volume(voxels_of(structure), affine_of(structure), path.name)
+        voxels = Volume(structure.voxels, affine_of(structure), path.name)
         return [_Shape.of_voxels(voxels, label, "")]
     shapes: list[_Shape] = []
     for surveyed, part in measure_labels(path):

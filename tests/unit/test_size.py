@@ -8,10 +8,11 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 18913,
+    "scripts/cccd": 18075,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1691,
+    "scripts/cccd_formats": 404,
     "scripts/cccd_junctions": 4002,
     "scripts/cccd_labels": 2717,
     "scripts/cccd_meshes": 464,
@@ -23,9 +24,10 @@ MOST_LINES = {
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1914,
-    "scripts/cccd_workflow": 5974,
+    "scripts/cccd_viewers": 436,
+    "scripts/cccd_workflow": 5973,
     "bench": 4709,
-    "tests": 24870,
+    "tests": 24875,
 }
 
 

@@ -7,8 +7,6 @@ module               holds
 ``row_files``        the files of a request: image, mask, boundary maps
 ``file_requests``    requests of a path and a caller's other arguments
 ``readers``          NIfTI, NRRD, MHA and what else SimpleITK reads
-``nnunet``           nnU-Net's probabilities
-``regions``          a picture of what was read
 ``grid``             `Volume`, and its move to another grid
 ``labels``           which labels, segments or regions are meant
 ``nifti_export``     volumes as NIfTI

@@ -24,6 +24,8 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.limits import LIMITS, Limits, check_size
+from cccd.lookup import find
+from cccd.plugins import table
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
 if TYPE_CHECKING:
@@ -120,12 +122,10 @@ def read_volume(path: Path, limits: Limits = LIMITS) -> Volume:
 
     See Also
     --------
-    read_nifti, read_itk, cccd.inputs.zarr_labels.read_zarr
+    read_nifti, read_itk, cccd_formats.zarr_labels.read_zarr
     """
     if is_zarr(path):
-        from cccd.inputs.zarr_labels import read_zarr  # which imports this module
-
-        return read_zarr(path)
+        return find(table("READERS")["Zarr"].read)(path)
     if path.is_dir():
         raise InputError(path.name, "a folder, not a volume", "give one file")
     for suffix, (problem, hint) in _OTHERWISE.items():

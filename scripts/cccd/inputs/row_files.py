@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -25,9 +25,6 @@ from cccd.plugins import table
 from cccd.request import Request
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
-
-if TYPE_CHECKING:
-    from cccd.inputs.nnunet import Classes
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -162,7 +159,8 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         mask = files.read(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
         return _with_coarser_grid(mask, mask.data)
     if _is_nnunet(path):
-        return _field_or_mask(files.read(_read_classes, path).of_organ(label, organ))
+        classes = files.read(find(table("READERS")["nnU-Net"].read), path)
+        return _field_or_mask(classes.of_organ(label, organ))
     return files.read(read_label_map, path).organ(label, organ, request.implied)
 
 
@@ -186,7 +184,7 @@ def list_labels(path: Path) -> dict[str, str]:
         names = find(table("READERS")[kind].names)(path)
         return {str(number): name for number, name in sorted(names.items())}
     if _is_nnunet(path):
-        return _read_classes(path).present()
+        return find(table("READERS")["nnU-Net"].read)(path).present()
     return {str(value): name for value, name in read_label_map(path).names.items()}
 
 
@@ -337,12 +335,6 @@ def read_label_map(path: Path) -> LabelMap:
 def _is_nnunet(path: Path) -> bool:
     """Whether a file's name is that of nnU-Net's probabilities."""
     return path.name.lower().endswith(".npz")
-
-
-def _read_classes(path: Path) -> Classes:
-    from cccd.inputs.nnunet import read_classes
-
-    return read_classes(path)
 
 
 def checksum(path: Path) -> str:

@@ -5,9 +5,9 @@ from support.scans import affine_of, chest, full, grey, organ, row, settings, wr
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.inputs.regions import draw_region
 from cccd.settings.imports import RegionSettings
 from cccd_segmentation.regions import find_region
+from cccd_viewers.regions import draw_region
 
 REGION = {"window": "otsu", "components": 1, "smallest_share": 0.0, "drop_border": False, "fill_holes": False}
 

@@ -10,10 +10,11 @@ napari = pytest.importorskip("napari")
 npe2 = pytest.importorskip("npe2")
 
 import cccd  # noqa: E402
+import cccd_viewers  # noqa: E402
 from cccd.geometry.ply import write_ply  # noqa: E402
-from cccd.napari_plugin import affine_of_layer, surface_of_layer  # noqa: E402
+from cccd_viewers.napari_plugin import affine_of_layer, surface_of_layer  # noqa: E402
 
-MANIFEST = Path(cccd.__file__).with_name("napari.yaml")
+MANIFEST = Path(cccd_viewers.__file__).with_name("napari.yaml")
 SCALE, TRANSLATE = np.array([2.0, 0.9, 1.0]), np.array([7.0, -3.0, 5.0])
 
 

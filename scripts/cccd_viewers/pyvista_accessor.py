@@ -1,7 +1,7 @@
 """``image.cccd`` on PyVista's images: from a mask in a notebook to its surface.
 
 PyVista imports this module by its entry point when somebody first asks an image for it; in a checkout that
-is not installed, ``import cccd.pyvista_accessor`` does.
+is not installed, ``import cccd_viewers.pyvista_accessor`` does.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class ImageAccessor:
 
     Examples
     --------
-    >>> import numpy as np, pyvista as pv, cccd.pyvista_accessor
+    >>> import numpy as np, pyvista as pv, cccd_viewers.pyvista_accessor
     >>> i, j, k = np.indices((24, 24, 12)) - np.array([12, 12, 6]).reshape(3, 1, 1, 1)
     >>> image = pv.ImageData(dimensions=(24, 24, 12), spacing=(1, 1, 2))
     >>> image["ball"] = (np.hypot(np.hypot(i, j), 2 * k) <= 8).ravel(order="F")

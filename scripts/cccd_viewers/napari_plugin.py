@@ -1,6 +1,6 @@
 """napari's plugin: a labels layer becomes a smooth surface layer, and files of surfaces open.
 
-napari finds it by the manifest ``napari.yaml``; nothing else in `cccd` imports it, nor napari.
+napari finds it by the manifest ``napari.yaml``; nothing else imports it, nor napari.
 """
 
 from __future__ import annotations

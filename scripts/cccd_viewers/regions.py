@@ -9,22 +9,14 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from nibabel.orientations import aff2axcodes
 
-from cccd.containers import (
-    BoundaryMaps,
-    Curves,
-    Frame,
-    GreyImage,
-    MaskStack,
-    ProbabilityStack,
-    Structure,
-)
+from cccd.containers import Frame, Structure
 from cccd.geometry.arrays import AnyArray
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["DrawnLabels", "draw_region", "voxels_of"]
+__all__ = ["DrawnLabels", "draw_region"]
 
 
 class DrawnLabels(NamedTuple):
@@ -86,7 +78,7 @@ def draw_region(structure: Structure, path: str | Path, labels: DrawnLabels | No
     """
     from matplotlib.figure import Figure
 
-    spacing, mask = structure.frame.spacing, voxels_of(structure)
+    spacing, mask = structure.frame.spacing, structure.voxels
     if structure.image is not None:
         image = structure.image
     else:
@@ -215,23 +207,3 @@ def _write_legend(figure: Figure, entries: Sequence[tuple[str, str]], place: tup
         borderaxespad=0,
         labelspacing=0.45,
     )
-
-
-def voxels_of(structure: Structure) -> AnyArray:
-    """Return what stands for the organ, on the grid of the structure's arrays (a, b, c)."""
-    match structure.source:
-        case Curves() as contours:
-            pass
-        case BoundaryMaps(stack) | GreyImage(region=stack):
-            return np.moveaxis(stack, 0, structure.frame.slice_axis)
-        case MaskStack() | ProbabilityStack():
-            return np.moveaxis(structure.required_stack("mask"), 0, structure.frame.slice_axis)
-    origin, image = structure.stack_origin, structure.stack("image")
-    if image is not None:
-        shape = image.shape
-    else:  # what the image would be cropped to: as much beyond the contours as before them
-        margin = int(contours.slice.min() - origin[0])
-        last = [int(contours.slice.max()), *np.ceil(contours.points.max(axis=0)).astype(int).tolist()]
-        shape = tuple(int(end - begin) + 1 + margin for begin, end in zip(origin, last, strict=True))
-    filled = contours.rasterise(origin, (shape[0], shape[1], shape[2]))
-    return np.moveaxis(filled, 0, structure.frame.slice_axis)

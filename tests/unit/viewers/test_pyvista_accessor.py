@@ -6,7 +6,7 @@ import pytest
 import cccd
 
 pv = pytest.importorskip("pyvista")
-import cccd.pyvista_accessor  # noqa: E402
+import cccd_viewers.pyvista_accessor  # noqa: E402, F401
 
 SHAPE, SPACING, ORIGIN = (22, 24, 10), (1.0, 0.9, 2.0), (5.0, -3.0, 7.0)
 

@@ -1,0 +1,1 @@
+"""Label maps as other programs leave them: OME-Zarr, and probabilities of nnU-Net."""
