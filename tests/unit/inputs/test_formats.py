@@ -201,18 +201,6 @@ def test_several_rois_are_united(tmp_path):
     np.testing.assert_array_equal(inside(structure.contours, mask.shape), mask)
 
 
-def test_keyhole_contour_becomes_outline_and_hole(tmp_path):
-    outer = np.array([(0, 0), (20, 0), (20, 20), (0, 20)], float)
-    inner = np.array([(5, 5), (5, 15), (15, 15), (15, 5)], float)
-    keyhole = np.vstack([outer, outer[:1], inner, inner[:1]])
-    contours = [np.column_stack([keyhole, np.full(len(keyhole), z)]) for z in (0.0, 3.0, 6.0, 9.0)]
-    write_structure_set(tmp_path / "rt.dcm", {"ring": contours})
-    curves = load_structure(row(mask="rt.dcm"), tmp_path, settings()).contours
-    assert len(curves) == 8
-    assert curves.hole.sum() == 4
-    assert sorted(abs(shoelace(points)) for points in curves) == pytest.approx([100] * 4 + [400] * 4)
-
-
 def test_a_contour_that_goes_out_and_back_encloses_nothing_and_is_left_out(tmp_path):
     square = np.array([(0, 0), (20, 0), (20, 20), (0, 20)], float)
     there_and_back = np.array([(0, 0), (10, 0), (10, 10), (10, 0)], float)

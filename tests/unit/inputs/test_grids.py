@@ -7,11 +7,9 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from support.scans import affine_of, row, settings, write_itk, write_nifti
 
-from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.inputs.grid import (
     Volume,
-    check_affine,
     crop,
     find_slice_axis,
     interpolate_on_grid,
@@ -141,17 +139,3 @@ def test_crop_is_padding_and_cutting(first, size):
     expected = ((index >= 0) & (index < array.shape)).all(axis=-1)
     np.testing.assert_array_equal(part, expected)
     np.testing.assert_array_equal(crop(array, first, last)[expected], array[tuple(index[expected].T)])
-
-
-@pytest.mark.parametrize(
-    "affine",
-    [
-        np.zeros((4, 4)),
-        np.diag([1, 1, 0, 1.0]),
-        np.diag([1, np.nan, 1, 1.0]),
-        np.array([[1, 0.2, 0, 0], [0, 1, 0.2, 0], [0.2, 0, 1, 0], [0, 0, 0, 1.0]]),
-    ],
-)
-def test_unusable_affines(affine):
-    with pytest.raises(InputError, match=r"^scan\.nii: "):
-        check_affine(affine, "scan.nii")

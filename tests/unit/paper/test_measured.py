@@ -9,7 +9,6 @@ from keep_tables import TABLES, keep_tables
 from page_tables import table, with_tables
 
 from cccd_paper.comparisons.map_surfaces import GROWN, NETWORK, THRESHOLD
-from cccd_paper.comparisons.paper_k import AS_SMOOTH_SLACK, DISTANCES
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
@@ -89,30 +88,6 @@ def test_the_network_against_a_threshold_and_its_region_is_as_the_pages_say():
     readme = page("README.md")
     assert f"({liver[NETWORK]:.2f} mm) than the region that it starts from ({liver[GROWN]:.2f})" in readme
     assert f"{head[NETWORK]:.2f} mm from the brain's mask on average, against {head[THRESHOLD]:.2f}" in readme
-
-
-def test_baselines_closer_to_a_mask_bend_more():
-    rows = measured("surfaces").query("case == 'mni152' and method not in ['marching cubes', @DISTANCES]")
-    rows = rows.set_index("method")[["assd_mm", "curvature_per_area_mm"]]
-    closer = rows[rows["assd_mm"] < rows.loc["CCCD", "assd_mm"]]
-    assert len(closer)
-    assert (
-        closer["curvature_per_area_mm"] > AS_SMOOTH_SLACK * rows.loc["CCCD", "curvature_per_area_mm"]
-    ).all()
-
-
-def test_distances_alone_are_closer_than_the_spline_on_the_solids():
-    rows = pd.read_csv(DOCS / "orex.csv")
-    own = rows[(rows["method"] == "CCCD") & (rows["setting"] == "from the mask")]
-    ours = own.set_index("solid")["assd_mm"]
-    assert (rows[rows["method"] == DISTANCES].groupby("solid")["assd_mm"].min() < ours).all()
-    assert len(ours) == 5
-
-
-def test_unseen_damage_is_lost_to_a_seeded_watershed():
-    rows = pd.read_csv(DOCS / "out_of_distribution.csv").query("not kind.str.startswith('edges')")
-    share = rows.groupby("decoder")["correct"].mean()
-    assert share["GNN, shipped"] < share["watershed (seeded)"]
 
 
 def test_the_papers_chain_has_the_figures_that_the_pages_quote():
