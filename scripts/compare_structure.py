@@ -4,7 +4,8 @@ from operator import attrgetter
 
 from cccd.lookup import call, find
 from cccd.settings.root import whole_settings
-from cccd.store import write_figures, write_table
+from cccd.store import write_table
+from cccd_viewers.page_files import write_figures
 from cccd_workflow.job import job
 
 case, organ = snakemake.wildcards.case, snakemake.wildcards.organ

@@ -13,11 +13,11 @@ from cccd.store import (
     read_splines,
     read_structure,
     write_json,
-    write_view,
 )
 from cccd.surface.checks import check_walls
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
+from cccd_viewers.page_files import write_view
 from cccd_workflow.job import job
 from cccd_workflow.report.page import build_structure_page
 from cccd_workflow.report.render import render_surface

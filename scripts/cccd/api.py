@@ -28,14 +28,7 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
 from cccd.inputs import read_request, structure_of_array
 from cccd.inputs.annotation import AUTO
-from cccd.inputs.file_requests import (
-    Label,
-    Threshold,
-    check_rule,
-    holds_series,
-    refuse_image,
-    request_for,
-)
+from cccd.inputs.file_requests import Label, Threshold, check_rule, holds_series, refuse_image, request_for
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
@@ -530,9 +523,7 @@ def reconstruct(
 
 
 def reconstruct_structure(
-    structure: Structure,
-    settings: Settings,
-    tell: Callable[[str], None] = lambda step: None,
+    structure: Structure, settings: Settings, tell: Callable[[str], None] = lambda step: None
 ) -> Surface:
     """Make a surface as `reconstruct` does."""
     curves = find_contours(structure, settings.boundaries, settings.gnn.inference)

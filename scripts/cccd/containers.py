@@ -33,14 +33,11 @@ __all__ = [
     "Grid",
     "Guide",
     "MaskStack",
-    "Panel",
     "ProbabilityStack",
     "Sections",
-    "SliceFigure",
     "Source",
     "Splines",
     "Structure",
-    "View",
 ]
 
 
@@ -533,75 +530,3 @@ class Sections:
     mask_origin: np.ndarray | None = None
     annotation: Annotation | None = None
     probability: ProbabilityStack | None = None
-
-
-@dataclass(frozen=True)
-class Panel:
-    """What a figure draws over one picture of a slice.
-
-    Attributes
-    ----------
-    title, detail : str
-        Above the panel, one below the other.
-    layers : dict of str to array
-        Closed curves and points ``(n, 2)`` and links ``(m, 2, 2)``, all in source (i, j), by what they are:
-        ``boundary``, ``spline``, ``seed``, ``corners``, ``links``.
-    row : str
-        Name of the row that the panel begins.
-    """
-
-    title: str
-    layers: dict[str, np.ndarray]
-    detail: str = ""
-    row: str = ""
-
-
-@dataclass(frozen=True)
-class SliceFigure:
-    """A figure of one slice, as a comparison leaves it for the report to draw.
-
-    Attributes
-    ----------
-    panels : list of Panel
-        Row by row.
-    columns : int
-        Panels in a row; 0 for all.
-    window : (2, 2) int64 or None
-        First and last pixel (i, j) shown; None for all that is drawn.
-    image : (I, J) uint8 or None
-        The grey slice within the window.
-    """
-
-    panels: list[Panel]
-    columns: int = 0
-    window: np.ndarray | None = None
-    image: np.ndarray | None = None
-
-
-@dataclass(frozen=True)
-class View:
-    """What the page's viewer shows of one structure beside its curves and control nets.
-
-    Attributes
-    ----------
-    meshes : dict of str to Mesh
-        Made small: ``surface`` and, of a mask, ``cubes``: marching cubes on it.
-    values : dict of str to (V,) float
-        At the surface's vertices: ``curvature`` in 1/mm and, with a reference, ``distance`` in mm; with an
-        error band, its width ``band`` in mm.
-    triangles : int
-        Of the whole surface.
-    reference : str
-        What ``distance`` is measured to; empty without it.
-    flags : dict of str to (P,) bool
-        ``dropped`` of the boundary's pixels, ``bridged`` of the curves' points.
-    band : dict of str to Curves
-        Lines in which the slices meet the ``inner`` and the ``outer`` surface of the error band.
-    """
-
-    meshes: dict[str, Mesh]
-    values: dict[str, np.ndarray]
-    triangles: int
-    reference: str
-    flags: dict[str, np.ndarray]
-    band: dict[str, Curves] = field(default_factory=dict)

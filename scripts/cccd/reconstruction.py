@@ -47,9 +47,7 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
 
 
 def loft_sections(
-    sections: Sections,
-    lofting: LoftSettings,
-    tell: Callable[[str], None] = _silent,
+    sections: Sections, lofting: LoftSettings, tell: Callable[[str], None] = _silent
 ) -> LoftedSurface:
     """Loft what is known of slices.
 

@@ -1,4 +1,4 @@
-"""The HDF5 layout of every stage's output: the only module that names a dataset path.
+"""The HDF5 layout of the stages' output: the only module of the core that names a dataset path.
 
 Every writer writes to a temporary name beside the target and renames, so that a killed job leaves no
 half file under a final name. Times are not tracked, so that the same content gives the same bytes.
@@ -15,7 +15,7 @@ import os
 import secrets
 import tempfile
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import dataclass, is_dataclass, replace
+from dataclasses import is_dataclass
 from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
@@ -32,13 +32,10 @@ from cccd.containers import (
     Frame,
     Grid,
     Sections,
-    SliceFigure,
     Splines,
     Structure,
-    View,
 )
 from cccd.errors import InputError
-from cccd.geometry.mesh import Mesh
 
 if TYPE_CHECKING:  # loaded where they are read: each job has a process of its own
     import pandas as pd
@@ -48,7 +45,6 @@ if TYPE_CHECKING:  # loaded where they are read: each job has a process of its o
     from cccd.geometry.subdivision import ControlMesh
 
 __all__ = [
-    "GraphSplit",
     "atomic_path",
     "bodies_bytes",
     "check_writable",
@@ -60,27 +56,20 @@ __all__ = [
     "read_conforming",
     "read_curves",
     "read_drawn",
-    "read_figure",
-    "read_graph_facts",
-    "read_graphs",
     "read_json",
     "read_report",
     "read_sections",
     "read_splines",
     "read_structure",
     "read_table",
-    "read_view",
     "write_boundaries",
     "write_conforming",
     "write_contours",
     "write_control_meshes",
     "write_curves",
-    "write_figures",
-    "write_graphs",
     "write_json",
     "write_structure",
     "write_table",
-    "write_view",
 ]
 
 _T = TypeVar("_T")
@@ -144,7 +133,7 @@ def check_writable(path: str | Path) -> None:
 
 
 @contextlib.contextmanager
-def _create(path: str | Path) -> Generator[h5py.File, None, None]:
+def new_file(path: str | Path) -> Generator[h5py.File, None, None]:
     """Build the file in memory and write it at once: HDF5 crashes the process when the disk is full."""
     content = io.BytesIO()
     with h5py.File(content, "w", track_order=False) as file:
@@ -154,7 +143,7 @@ def _create(path: str | Path) -> Generator[h5py.File, None, None]:
 
 
 @contextlib.contextmanager
-def _open(path: str | Path) -> Generator[h5py.File, None, None]:
+def open_file(path: str | Path) -> Generator[h5py.File, None, None]:
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -203,16 +192,16 @@ def _numbered(group: h5py.Group, name: str) -> list[h5py.Group]:
     return [parent[key] for key in sorted(parent, key=int)]
 
 
-def _put_fields(group: h5py.Group, value: object) -> None:
+def write_fields(group: h5py.Group, value: object) -> None:
     """Write a dataclass by its fields' types: arrays, numbers, text, other dataclasses, lists and mappings.
 
     What is None is left out; what has parts of any type, or of text, is JSON; the frame is the file's.
     """
     for name, kind in get_type_hints(type(value)).items():
-        _put_value(group, name, getattr(value, name), kind)
+        _write_value(group, name, getattr(value, name), kind)
 
 
-def _put_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+def _write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
     if isinstance(value, Frame):
         _put_frame(cast(Any, group).file, value)
     elif isinstance(value, np.ndarray):
@@ -220,12 +209,12 @@ def _put_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
     elif _is_json(kind):
         _put_json(group, name, value)
     elif is_dataclass(value):
-        _put_fields(group.create_group(name), value)
+        write_fields(group.create_group(name), value)
     elif isinstance(value, (dict, list, tuple)):
         within = group.create_group(name)
         parts = cast(Any, value.items() if isinstance(value, dict) else enumerate(cast(Any, value)))
         for key, part in parts:
-            _put_value(within, str(key), part, None)
+            _write_value(within, str(key), part, None)
     elif value is not None:
         group.attrs[name] = value
 
@@ -234,15 +223,15 @@ def _is_json(kind: Any) -> bool:
     return get_origin(kind) in (dict, list) and get_args(kind)[-1] in (Any, str)
 
 
-def _get_fields(group: h5py.Group, kind: type[_T]) -> _T:
-    """Read a dataclass that `_put_fields` wrote."""
+def read_fields(group: h5py.Group, kind: type[_T]) -> _T:
+    """Read a dataclass that `write_fields` wrote."""
     hints = get_type_hints(kind)
-    return kind(**{name: _get_value(group, name, inner) for name, inner in hints.items()})
+    return kind(**{name: read_value(group, name, inner) for name, inner in hints.items()})
 
 
-def _get_value(group: h5py.Group, name: str, kind: Any) -> Any:
+def read_value(group: h5py.Group, name: str, kind: Any) -> Any:
     if isinstance(kind, UnionType):  # with None
-        return _get_value(group, name, get_args(kind)[0]) if name in group else None
+        return read_value(group, name, get_args(kind)[0]) if name in group else None
     if kind is Frame:
         return _get_frame(cast(Any, group).file)
     if np.ndarray in (kind, get_origin(kind)):
@@ -250,11 +239,11 @@ def _get_value(group: h5py.Group, name: str, kind: Any) -> Any:
     if _is_json(kind):
         return _get_json(group, name)
     if is_dataclass(kind):
-        return _get_fields(group[name], cast(Any, kind))
+        return read_fields(group[name], cast(Any, kind))
     if (origin := get_origin(kind)) is dict:
-        return {key: _get_value(group[name], key, get_args(kind)[1]) for key in group[name]}
+        return {key: read_value(group[name], key, get_args(kind)[1]) for key in group[name]}
     if origin in (list, tuple):
-        parts = (_get_value(group[name], key, get_args(kind)[0]) for key in sorted(group[name], key=int))
+        parts = (read_value(group[name], key, get_args(kind)[0]) for key in sorted(group[name], key=int))
         return cast(Any, origin)(parts)
     return kind(group.attrs[name])
 
@@ -285,7 +274,7 @@ def _get_grid(group: h5py.Group, prefix: str) -> Grid | None:
 
 def read_report(path: str | Path) -> dict[str, Any]:
     """Read what a stage reported beside ``contours.h5``, ``curves.h5`` or ``surface.h5``: plain JSON."""
-    with _open(path) as file:
+    with open_file(path) as file:
         return _get_json(file, "report")
 
 
@@ -333,20 +322,20 @@ def read_table(path: str | Path) -> pd.DataFrame | None:
 
 def write_structure(path: str | Path, structure: Structure) -> None:
     """Write ``structure.h5``."""
-    with _create(path) as file:
-        _put_fields(file, structure)
+    with new_file(path) as file:
+        write_fields(file, structure)
 
 
 def read_structure(path: str | Path) -> Structure:
     """Read ``structure.h5``."""
-    with _open(path) as file:
-        return _get_fields(file, Structure)
+    with open_file(path) as file:
+        return read_fields(file, Structure)
 
 
 def read_annotation(path: str | Path) -> Annotation | None:
     """Read which slices ``structure.h5`` knows, where that is not all of them."""
-    with _open(path) as file:
-        return _get_value(file, "annotation", Annotation | None)
+    with open_file(path) as file:
+        return read_value(file, "annotation", Annotation | None)
 
 
 def read_sections(contours: str | Path, structure: str | Path) -> Sections:
@@ -369,7 +358,7 @@ def read_compared(path: str | Path) -> Structure:
 
 def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:
     """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
-    with _open(path) as file:
+    with open_file(path) as file:
         return _get_frame(file), _get_json(file, "provenance"), _get_json(file, "warnings")
 
 
@@ -378,14 +367,14 @@ def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[
 
 def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
     """Write ``boundaries.h5``."""
-    with _create(path) as file:
-        _put_fields(file.create_group("pixels"), boundaries)
+    with new_file(path) as file:
+        write_fields(file.create_group("pixels"), boundaries)
 
 
 def read_boundaries(path: str | Path) -> Boundaries:
     """Read ``boundaries.h5``."""
-    with _open(path) as file:
-        return _get_fields(file["pixels"], Boundaries)
+    with open_file(path) as file:
+        return read_fields(file["pixels"], Boundaries)
 
 
 # contours.h5 and curves.h5 --------------------------------------------------------------------------
@@ -403,161 +392,39 @@ def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) 
     report : mapping
         Plain JSON: ``method``, and what that way counted.
     """
-    with _create(path) as file:
+    with new_file(path) as file:
         _put_json(file, "report", report)
-        _put_fields(file.create_group("ordered"), curves)
+        write_fields(file.create_group("ordered"), curves)
 
 
 def write_curves(path: str | Path, fitted: FittedCurves) -> None:
     """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
-    with _create(path) as file:
+    with new_file(path) as file:
         _put_json(file, "report", fitted.report)
-        _put_fields(file.create_group("ordered"), fitted.curves)
+        write_fields(file.create_group("ordered"), fitted.curves)
         _put(file, "chain_codes/codes", fitted.codes, np.uint8)
         _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
         _put(file, "corners/points", fitted.corners, np.float64)
         _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
-        _put_fields(file.create_group("splines"), fitted.splines)
+        write_fields(file.create_group("splines"), fitted.splines)
 
 
 def read_curves(path: str | Path) -> Curves:
     """Read the ordered curves of ``contours.h5`` or ``curves.h5``."""
-    with _open(path) as file:
-        return _get_fields(file["ordered"], Curves)
+    with open_file(path) as file:
+        return read_fields(file["ordered"], Curves)
 
 
 def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
-    with _open(path) as file:
+    with open_file(path) as file:
         return _get(file, "corners/points"), _get(file, "corners/offsets")
 
 
 def read_splines(path: str | Path) -> Splines:
     """Read the closed splines of ``curves.h5``."""
-    with _open(path) as file:
-        return _get_fields(file["splines"], Splines)
-
-
-# graphs.h5 ------------------------------------------------------------------------------------------
-
-
-@dataclass(frozen=True, eq=False)
-class GraphSplit:
-    """Graphs of one split of ``graphs.h5``, ragged.
-
-    Attributes
-    ----------
-    pixels : (P, 2) int16
-        Boundary pixels (i, j); ``pixel_offsets`` (G + 1,) say where each graph begins.
-    links : (L, 2) int16
-        The two nodes of each link, counted within its graph; ``link_offsets`` (G + 1,).
-    link_labels : (L,) int8
-        +1 for true links and -1 for others (section 4.2).
-    inside_shares : (T,) uint8
-        Share of each triangle inside, in steps of 1/255; ``triangle_offsets`` (G + 1,).
-    contours : (Q, 2) int16
-        Points of the true contours; ``contour_offsets`` (C + 1,), and ``contour_graph`` (C,), whose each is.
-    image_values : (N,) uint8
-        Grey slices, of the graphs that have one; ``image_offsets`` (G + 1,).
-    shape : (G, 2) int32
-        Of each slice.
-    kind : (G,) uint8
-        Number of its kind in the file's attribute ``kinds``.
-    """
-
-    pixels: np.ndarray
-    pixel_offsets: np.ndarray
-    links: np.ndarray
-    link_labels: np.ndarray
-    link_offsets: np.ndarray
-    inside_shares: np.ndarray
-    triangle_offsets: np.ndarray
-    contours: np.ndarray
-    contour_offsets: np.ndarray
-    contour_graph: np.ndarray
-    image_values: np.ndarray
-    image_offsets: np.ndarray
-    shape: np.ndarray
-    kind: np.ndarray
-
-    @property
-    def graph_bytes(self) -> int:
-        """Bytes of graphs and labels; grey slices are not part of a graph."""
-        return sum(column.nbytes for name, column in vars(self).items() if not name.startswith("image"))
-
-
-# Version of ``graphs.h5``: to be raised when its columns mean something else.
-_GRAPHS_VERSION = 3
-
-
-def write_graphs(
-    path: str | Path, splits: Mapping[str, GraphSplit], attributes: Mapping[str, int | str]
-) -> None:
-    """Write ``graphs.h5``: one group per split (training, validation, test), and what is known of all."""
-    with _create(path) as file:
-        file.attrs["version"] = _GRAPHS_VERSION
-        for name, value in attributes.items():
-            file.attrs[name] = value
-        for split, columns in splits.items():
-            _put_fields(file.create_group(split), columns)
-
-
-def read_graphs(path: str | Path, split: str) -> GraphSplit:
-    """Read one split of ``graphs.h5``."""
-    with _open(path) as file:
-        found = int(file.attrs["version"])
-        if found != _GRAPHS_VERSION:
-            problem = f"graphs of version {found}, and this program reads {_GRAPHS_VERSION}"
-            raise InputError(str(path), problem, "delete it and run snakemake again")
-        return _get_fields(file[split], GraphSplit)
-
-
-def read_graph_facts(path: str | Path) -> tuple[dict[str, int], dict[str, Any]]:
-    """Read how many graphs each split of ``graphs.h5`` holds, and the file's attributes; no graph."""
-    with _open(path) as file:
-        counts = {name: len(file[f"{name}/kind"]) for name in ("training", "validation", "test")}
-        return counts, dict(file.attrs.items())
-
-
-# comparisons/<name>.h5 ------------------------------------------------------------------------------
-
-
-def write_figures(path: str | Path, figures: Mapping[str, SliceFigure]) -> None:
-    """Write what the report draws of one structure: one group per figure, in it one per panel."""
-    with _create(path) as file:
-        for name, figure in figures.items():
-            _put_fields(file.create_group(name), figure)
-
-
-def read_figure(path: str | Path, name: str) -> SliceFigure | None:
-    """Read one figure of `write_figures`; None when the structure has nothing to draw for it."""
-    with _open(path) as file:
-        return _get_value(file, name, SliceFigure | None)
-
-
-# view.h5 --------------------------------------------------------------------------------------------
-
-
-def write_view(path: str | Path, view: View) -> None:
-    """Write ``view.h5``: small meshes, values at their vertices, flags of pixels, lines of the band."""
-    with _create(path) as file:
-        meshes = {
-            name: Mesh(cast(Any, mesh.vertices.astype(np.float32)), cast(Any, mesh.faces.astype(np.int32)))
-            for name, mesh in view.meshes.items()
-        }
-        values = {name: column.astype(np.float32) for name, column in view.values.items()}
-        _put_fields(file, replace(view, meshes=meshes, values=values))
-
-
-def read_view(path: str | Path) -> View:
-    """Read ``view.h5``."""
-    with _open(path) as file:
-        view = _get_fields(file, View)
-    meshes = {
-        name: Mesh(mesh.vertices.astype(float), mesh.faces.astype(np.int64))
-        for name, mesh in view.meshes.items()
-    }
-    return replace(view, meshes=meshes, values={name: of.astype(float) for name, of in view.values.items()})
+    with open_file(path) as file:
+        return read_fields(file["splines"], Splines)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------
@@ -585,7 +452,7 @@ def write_control_meshes(
     band : (Band, (V, 3) float64), optional
         The error band, and the vertices that it is of.
     """
-    with _create(path) as file:
+    with new_file(path) as file:
         _put_frame(file, frame)
         _put_json(file, "report", report)
         _put_bodies(file.create_group("bodies"), bodies)
@@ -599,7 +466,7 @@ def write_control_meshes(
 
 def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | None:
     """Read the error band of ``surface.h5`` at the vertices (V, 3) of a mesh; None where there is none."""
-    with _open(path) as file:
+    with open_file(path) as file:
         if "band" not in file:
             return None
         group = file["band"]
@@ -614,7 +481,7 @@ def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | Non
 
 def read_bodies(path: str | Path) -> list[ControlMesh]:
     """Read the closed splines of ``surface.h5``."""
-    with _open(path) as file:
+    with open_file(path) as file:
         if "bodies" not in file:
             raise InputError(
                 str(path), "it contains no closed splines: an older version wrote it", "loft it again"
@@ -651,13 +518,13 @@ def _get_body(group: h5py.Group) -> ControlMesh:
 
 def read_surface_frame(path: str | Path) -> Frame:
     """Read the grid of the source volume that a surface was lofted in."""
-    with _open(path) as file:
+    with open_file(path) as file:
         return _get_frame(file)
 
 
 def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
     """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
-    with _create(path) as file:
+    with new_file(path) as file:
         for name in _CONFORMING:
             _put(file, name, getattr(surface, name))
         _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
@@ -668,6 +535,6 @@ def read_conforming(path: str | Path) -> ConformingSurface:
     """Read the surfaces of a case's organs that share their walls."""
     from cccd.geometry.conforming import ConformingSurface
 
-    with _open(path) as file:
+    with open_file(path) as file:
         names = {int(label): name for label, name in _get_json(file, "names").items()}
         return ConformingSurface(*(_get(file, name) for name in _CONFORMING), names=names)

@@ -35,13 +35,7 @@ _WHITE_QUANTILE = 0.8
 
 # Shells from the brain outwards: value, mean thickness in mm and its standard deviation as a share; and those
 # that lie on the skull where no muscle or face does.
-_SHELLS = (
-    (_FLUID, 2.2, 0.6),
-    (_DURA, 1.0, 0.3),
-    (_BONE, 1.8, 0.2),
-    (_MARROW, 2.5, 0.4),
-    (_BONE, 1.8, 0.2),
-)
+_SHELLS = ((_FLUID, 2.2, 0.6), (_DURA, 1.0, 0.3), (_BONE, 1.8, 0.2), (_MARROW, 2.5, 0.4), (_BONE, 1.8, 0.2))
 _SCALP = ((_FAT, 3.5, 0.3), (_SKIN, 2.0, 0.2))
 
 # The shells follow the brain's mask, blurred by so many mm to bridge its sulci, at this level.

@@ -120,10 +120,7 @@ FEATURES: tuple[str, ...] = (
 
 
 def describe(
-    graph: DelaunayGraph,
-    logits: Logits,
-    energy: Energy[FloatArray],
-    labels: BoolArray,
+    graph: DelaunayGraph, logits: Logits, energy: Energy[FloatArray], labels: BoolArray
 ) -> FloatArray:
     """Describe labellings as a whole, beside the first of them.
 

@@ -98,11 +98,7 @@ def find_branches(pixels: AnyArray, links: AnyArray, gaps: AnyArray) -> Branches
     loose = dead_end.copy()
     loose[ends.pixel[pairs[ends.pixel[pairs] >= 0]]] = False
     return Branches(
-        branch,
-        group,
-        _shape(pixels, branch, dead_end, beside),
-        _shape(pixels, group, loose, beside),
-        outward,
+        branch, group, _shape(pixels, branch, dead_end, beside), _shape(pixels, group, loose, beside), outward
     )
 
 

@@ -145,9 +145,7 @@ def predict_slices(
 
 
 def predict_masks(
-    maps: Sequence[AnyArray],
-    predictor: Predictor | LoopPredictor | None,
-    images: Sequence[RealArray | None],
+    maps: Sequence[AnyArray], predictor: Predictor | LoopPredictor | None, images: Sequence[RealArray | None]
 ) -> tuple[BoolArray, IntArray]:
     """Masks and their origin, as from `predict_slices`, of maps that are no neighbours."""
     if isinstance(predictor, LoopPredictor):

@@ -13,15 +13,7 @@ from torch_geometric.nn import MessagePassing
 from cccd_junctions.graph_data import LINK_POOLS, TRIANGLE_LINKS, TRIANGLE_MESSAGES, TRIANGLE_POOLS
 from cccd_junctions.intensity import BLURS
 
-__all__ = [
-    "DirectedLinks",
-    "EquationEleven",
-    "Exchange",
-    "HeadGate",
-    "Incidence",
-    "MessageLayer",
-    "Pools",
-]
+__all__ = ["DirectedLinks", "EquationEleven", "Exchange", "HeadGate", "Incidence", "MessageLayer", "Pools"]
 
 # Mean intensities of a slice that each layer compares with, over what it attends to.
 _VIEWS = 4
@@ -174,11 +166,7 @@ class EquationEleven(MessagePassing):
         self.dropout = nn.Dropout(dropout)
 
     def forward(
-        self,
-        x: Tensor,
-        edge_index: Tensor,
-        gate: Tensor | None = None,
-        received: Incidence | None = None,
+        self, x: Tensor, edge_index: Tensor, gate: Tensor | None = None, received: Incidence | None = None
     ) -> Tensor:
         """Sum what neighbours send.
 

@@ -41,16 +41,11 @@ INPUTS = {
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd_junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
-        ("gnn/model.pt",),
-        "cccd_paper.comparisons.orderers.load_orderers",
-        shared=True,
-        optional=True,
+        ("gnn/model.pt",), "cccd_paper.comparisons.orderers.load_orderers", shared=True, optional=True
     ),
     "splines": Input(("curves.h5",), "cccd.store.read_splines"),
     "paper_orderer": Input(
-        ("workflow/models/paper.pt",),
-        "cccd_paper.comparisons.algorithm_1.load_paper_orderer",
-        project=True,
+        ("workflow/models/paper.pt",), "cccd_paper.comparisons.algorithm_1.load_paper_orderer", project=True
     ),
     "segmenters": Input((), "cccd_paper.comparisons.segmenters.load_segmenters", shipped=True),
 }

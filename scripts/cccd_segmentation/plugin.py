@@ -6,7 +6,7 @@ COMMANDS = {
     "segment": Command(
         "find an organ in a scan without a mask, and make its surface",
         "cccd_segmentation.commands.add_segment",
-    ),
+    )
 }
 
 MASKS = {

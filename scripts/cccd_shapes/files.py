@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Frame, View
+from cccd.containers import Frame
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
@@ -21,6 +21,7 @@ from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
 from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
+from cccd_viewers.page_files import View
 from cccd_workflow.report.page import shared_facts, write_page
 from cccd_workflow.report.viewer import packed, surface_figure
 
@@ -113,9 +114,8 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
     """Write a page with a slider for each of the first modes: it needs no server."""
     matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
-    moves = [
-        (matrix @ (size * mode)).T for size, mode in zip(model.deviations, model.modes[:count], strict=False)
-    ]
+    modes = zip(model.deviations, model.modes[:count], strict=False)
+    moves = [(matrix @ (size * mode)).T for size, mode in modes]
     figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
     del figure["layout"]["updatemenus"]
     data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}

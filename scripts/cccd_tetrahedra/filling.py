@@ -146,16 +146,11 @@ def sizes_in_mm(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tup
     """Tell the largest edge and the distance to the surface that are asked for, in mm."""
     points = np.concatenate([mesh.vertices for mesh in organs.values()])
     diagonal = float(np.linalg.norm(np.ptp(points, axis=0)))
-    return (
-        settings.edge_mm or EDGE_SHARE * diagonal,
-        settings.tolerance_mm or TOLERANCE_SHARE * diagonal,
-    )
+    return (settings.edge_mm or EDGE_SHARE * diagonal, settings.tolerance_mm or TOLERANCE_SHARE * diagonal)
 
 
 def fill_organs(
-    organs: Mapping[str, Mesh],
-    settings: TetrahedraSettings,
-    frames: Mapping[str, Frame] | None = None,
+    organs: Mapping[str, Mesh], settings: TetrahedraSettings, frames: Mapping[str, Frame] | None = None
 ) -> TetrahedralMesh:
     """Fill closed surfaces with tetrahedra.
 

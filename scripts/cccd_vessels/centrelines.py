@@ -156,10 +156,7 @@ def _place(point: FloatArray) -> tuple[float, ...]:
 
 
 def find_centrelines(
-    mesh: Mesh,
-    voxel_mm: float | None = None,
-    root: Sequence[float] | None = None,
-    location: str = "surface",
+    mesh: Mesh, voxel_mm: float | None = None, root: Sequence[float] | None = None, location: str = "surface"
 ) -> Centrelines:
     """Find the centrelines of a closed surface of tubes.
 

@@ -146,10 +146,7 @@ def _vtp(found: Centrelines) -> str:
 
 
 def vtp_text(
-    mesh: Any,
-    points: Mapping[str, AnyArray],
-    cells: Mapping[str, AnyArray],
-    fields: Mapping[str, list[str]],
+    mesh: Any, points: Mapping[str, AnyArray], cells: Mapping[str, AnyArray], fields: Mapping[str, list[str]]
 ) -> str:
     """Return VTK's XML of a ``vtkPolyData`` with arrays at its points and cells, and texts as field data."""
     support = vtk("util.numpy_support")

@@ -1,1 +1,1 @@
-"""What one looks at: pictures of what was read, the plugin of napari, the accessor of PyVista."""
+"""What one looks at: pictures of what was read, what the page draws, plugins of napari and PyVista."""

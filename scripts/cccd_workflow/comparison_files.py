@@ -8,7 +8,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.containers import View
 from cccd.errors import InputError
 from cccd.files.gltf import TO_GLTF
 from cccd.geometry._vtk import xml_of
@@ -16,6 +15,7 @@ from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.project import PROJECT
 from cccd.store import atomic_path
+from cccd_viewers.page_files import View
 from cccd_workflow.comparison import Compared, Comparison
 
 __all__ = ["check_outputs", "write_comparison"]

@@ -11,20 +11,16 @@ import shapely
 
 from cccd.bands import Band
 from cccd.chaincode import changed_pixels, on_pixel_chain
-from cccd.containers import Boundaries, Curves, Frame, Structure, View
+from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.sections import cross_sections
 from cccd.surface.measure import mask_surface
+from cccd_viewers.page_files import View
 
-__all__ = [
-    "lines_on_slices",
-    "make_view",
-    "reference_surface",
-    "voxel_surface",
-]
+__all__ = ["lines_on_slices", "make_view", "reference_surface", "voxel_surface"]
 
 #: Lines of the error band on slices are kept to this share of a pixel.
 _LINE_PX = 0.05

@@ -24,11 +24,11 @@ from cccd.store import (
     write_curves,
     write_json,
     write_structure,
-    write_view,
 )
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
+from cccd_viewers.page_files import write_view
 from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 

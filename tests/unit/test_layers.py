@@ -28,11 +28,11 @@ PACKAGES = {
     "cccd_tetrahedra": "",
     "cccd_vessels": "meshes tetrahedra",
     "cccd_labels": "viewers",
-    "cccd_shapes": "labels meshes workflow",
+    "cccd_shapes": "labels meshes viewers workflow",
     "cccd_workflow": "labels meshes networks segmentation tetrahedra viewers",
     "cccd_calibration": "workflow",
     "cccd_training": "calibration datasets junctions meshes networks segmentation",
-    "cccd_paper": "datasets junctions segmentation training workflow",
+    "cccd_paper": "datasets junctions segmentation training viewers workflow",
 }
 
 #: Jobs of the evidence and of the training; all others know the product alone.

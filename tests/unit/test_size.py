@@ -8,26 +8,26 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 18075,
+    "scripts/cccd": 17824,
     "scripts/cccd_calibration": 730,
-    "scripts/cccd_datasets": 1777,
+    "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
     "scripts/cccd_formats": 404,
-    "scripts/cccd_junctions": 4002,
+    "scripts/cccd_junctions": 3967,
     "scripts/cccd_labels": 2717,
     "scripts/cccd_meshes": 464,
-    "scripts/cccd_networks": 213,
-    "scripts/cccd_paper": 9591,
-    "scripts/cccd_segmentation": 1713,
+    "scripts/cccd_networks": 306,
+    "scripts/cccd_paper": 9550,
+    "scripts/cccd_segmentation": 1708,
     "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1980,
-    "scripts/cccd_tetrahedra": 1534,
+    "scripts/cccd_tetrahedra": 1522,
     "scripts/cccd_training": 3664,
-    "scripts/cccd_vessels": 1914,
-    "scripts/cccd_viewers": 436,
-    "scripts/cccd_workflow": 5973,
+    "scripts/cccd_vessels": 1908,
+    "scripts/cccd_viewers": 559,
+    "scripts/cccd_workflow": 5955,
     "bench": 4709,
-    "tests": 24790,
+    "tests": 24787,
 }
 
 

@@ -10,22 +10,13 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from cccd import store
-from cccd.containers import (
-    Boundaries,
-    Curves,
-    FittedCurves,
-    Frame,
-    Panel,
-    SliceFigure,
-    Splines,
-    Structure,
-    View,
-)
+from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Splines, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
+from cccd_viewers import page_files as pages
 
 FRAME = Frame(np.array([[0, 2.0, 0, 5], [1.5, 0, 0, -3], [0, 0, 3.0, 7], [0, 0, 0, 1]]), 2, (30, 40, 20))
 
@@ -163,12 +154,16 @@ def test_a_file_of_an_older_layout_is_named(tmp_path):
 
 def test_figures_come_back_panel_by_panel(tmp_path):
     layers = {"boundary": np.array([[1.0, 2.5], [3.0, 4.0]]), "links": np.zeros((0, 2, 2))}
-    panels = [Panel(f"panel {n}", layers, "two\nlines", "row") for n in range(12)]  # ten sorts before two
-    whole = SliceFigure(panels, 4, np.array([[0, 1], [6, 8]]), np.arange(56, dtype=np.uint8).reshape(7, 8))
-    bare = SliceFigure(panels[:1])
-    store.write_figures(tmp_path / "f.h5", {"whole": whole, "bare": bare})
+    panels = [
+        pages.Panel(f"panel {n}", layers, "two\nlines", "row") for n in range(12)
+    ]  # ten sorts before two
+    whole = pages.SliceFigure(
+        panels, 4, np.array([[0, 1], [6, 8]]), np.arange(56, dtype=np.uint8).reshape(7, 8)
+    )
+    bare = pages.SliceFigure(panels[:1])
+    pages.write_figures(tmp_path / "f.h5", {"whole": whole, "bare": bare})
     for name, figure in (("whole", whole), ("bare", bare)):
-        found = store.read_figure(tmp_path / "f.h5", name)
+        found = pages.read_figure(tmp_path / "f.h5", name)
         assert found.columns == figure.columns
         assert [panel.title for panel in found.panels] == [panel.title for panel in figure.panels]
         assert found.panels[-1].detail == "two\nlines"
@@ -178,12 +173,14 @@ def test_figures_come_back_panel_by_panel(tmp_path):
         for one, other in ((found.window, figure.window), (found.image, figure.image)):
             assert (one is None) == (other is None)
             np.testing.assert_array_equal(one, other)
-    assert store.read_figure(tmp_path / "f.h5", "another") is None
+    assert pages.read_figure(tmp_path / "f.h5", "another") is None
 
 
 def test_a_panel_of_a_picture_alone_comes_back(tmp_path):
-    store.write_figures(tmp_path / "f.h5", {"raw": SliceFigure([Panel("slice", {})], 1, image=np.eye(3))})
-    (panel,) = store.read_figure(tmp_path / "f.h5", "raw").panels
+    pages.write_figures(
+        tmp_path / "f.h5", {"raw": pages.SliceFigure([pages.Panel("slice", {})], 1, image=np.eye(3))}
+    )
+    (panel,) = pages.read_figure(tmp_path / "f.h5", "raw").panels
     assert panel.layers == {}
 
 
@@ -191,9 +188,9 @@ def test_a_panel_of_a_picture_alone_comes_back(tmp_path):
 def test_a_view_comes_back(tmp_path, reference):
     mesh = Mesh(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]), np.array([[0, 2, 1], [0, 1, 3]]))
     values = {"curvature": np.arange(4.0)} | ({"distance": -np.arange(4.0)} if reference else {})
-    view = View({"surface": mesh}, values, 99, reference, {"dropped": np.array([True, False])})
-    store.write_view(tmp_path / "view.h5", view)
-    found = store.read_view(tmp_path / "view.h5")
+    view = pages.View({"surface": mesh}, values, 99, reference, {"dropped": np.array([True, False])})
+    pages.write_view(tmp_path / "view.h5", view)
+    found = pages.read_view(tmp_path / "view.h5")
     assert (found.triangles, found.reference, set(found.values)) == (99, reference, set(values))
     np.testing.assert_array_equal(found.meshes["surface"].vertices, mesh.vertices)
     np.testing.assert_array_equal(found.meshes["surface"].faces, mesh.faces)

@@ -475,12 +475,7 @@ def _first_breaks(
 
 
 def fit_closed_spline(
-    polygon: np.ndarray,
-    corners: np.ndarray,
-    tolerance: float,
-    sigma: float,
-    target: int,
-    sliding: float,
+    polygon: np.ndarray, corners: np.ndarray, tolerance: float, sigma: float, target: int, sliding: float
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """Fit a closed cubic spline to a closed polygon.
 

@@ -14,13 +14,7 @@ from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 from cccd.tolerances import TINY
 
-__all__ = [
-    "area_scores",
-    "bytes_per_slice",
-    "distances",
-    "measure_curves",
-    "window_of",
-]
+__all__ = ["area_scores", "bytes_per_slice", "distances", "measure_curves", "window_of"]
 
 #: Parts the curves in the search for nearest points: far more than any distance between them.
 _APART = 1e6

@@ -7,12 +7,7 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray
 
-__all__ = [
-    "HOW_TO_GIVE_AN_IMAGE",
-    "image_without_mask",
-    "refuse_grey_probabilities",
-    "refuse_grey_values",
-]
+__all__ = ["HOW_TO_GIVE_AN_IMAGE", "image_without_mask", "refuse_grey_probabilities", "refuse_grey_values"]
 
 #: The hint where an image stands in a mask's place.
 HOW_TO_GIVE_AN_IMAGE = (

@@ -164,11 +164,7 @@ def read_request(
 
 
 def structure_of_array(
-    mask: AnyArray,
-    affine: FloatArray,
-    settings: ImportSettings,
-    name: str = "mask",
-    annotated: str = AUTO,
+    mask: AnyArray, affine: FloatArray, settings: ImportSettings, name: str = "mask", annotated: str = AUTO
 ) -> Structure:
     """Make a structure of a mask in memory, as `load_structure` does of one in a file.
 

@@ -7,7 +7,7 @@ import time
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Curves, Panel, SliceFigure, Structure
+from cccd.containers import Curves, Structure
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 from cccd_paper.comparisons.active_contour import seed_circle
@@ -15,6 +15,7 @@ from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = ["active_contour_figures", "compare_active_contour"]
 

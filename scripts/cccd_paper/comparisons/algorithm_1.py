@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Boundaries, Curves, Panel, SliceFigure, Splines, Structure
+from cccd.containers import Boundaries, Curves, Splines, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.mesh import Mesh
@@ -27,6 +27,7 @@ from cccd.surface.measure import Reference, measure_agreement
 from cccd_paper.comparisons.orderers import Orderer, load_orderers
 from cccd_paper.comparisons.tensor_product_loft import TUNED, loft_splines
 from cccd_paper.comparisons.tuning import SAMPLES
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = [
     "OURS",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.chaincode import chain_codes, on_pixel_chain
-from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
+from cccd.containers import Curves, Frame, Structure
 from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.polygons import RaggedPolygons
@@ -33,6 +33,7 @@ from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd_paper.settings import SliceChoice
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = ["compare_corners", "corner_figures", "fuse", "fused_spline", "order_corners", "search"]
 

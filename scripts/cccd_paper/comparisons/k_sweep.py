@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
+from cccd.containers import Curves, Frame, Structure
 from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.geometry.arrays import split_ragged
@@ -30,6 +30,7 @@ from cccd_paper.comparisons.parameters import (
 from cccd_paper.comparisons.repeatability import CHANGES, Detector, repeatability
 from cccd_paper.comparisons.samples import choose_slices, middle_curve
 from cccd_paper.settings import SliceChoice
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = ["OWN", "compare_k", "one_a_slice", "outline_figures", "search_chain"]
 

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from cccd.containers import Boundaries, Curves, Panel, Sections, SliceFigure, Structure
+from cccd.containers import Boundaries, Curves, Sections, Structure
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import dice
@@ -26,6 +26,7 @@ from cccd_paper.comparisons.ordering_comparison import decided_slices
 from cccd_paper.comparisons.samples import between
 from cccd_paper.junctions.grid import build_grid
 from cccd_segmentation.seeds import parse_seeds
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = [
     "FOUND",

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from cccd.containers import Boundaries, Curves, Frame, Panel, SliceFigure, Structure
+from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import offsets_of, successors
 from cccd.metrics import dice
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
@@ -21,6 +21,7 @@ from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd_paper.settings import SliceChoice
+from cccd_viewers.page_files import Panel, SliceFigure
 
 __all__ = [
     "ALONG_PIXELS",
@@ -63,11 +64,7 @@ Run = Callable[[], np.ndarray]
 
 
 def compare_reconstruction(
-    structure: Structure,
-    curves: Curves,
-    settings: SliceChoice,
-    seed: int,
-    orderers: Sequence[Orderer] = (),
+    structure: Structure, curves: Curves, settings: SliceChoice, seed: int, orderers: Sequence[Orderer] = ()
 ) -> pd.DataFrame:
     """Link three point sets per slice by every registered method, and by CCCD.
 
@@ -119,11 +116,7 @@ def compare_reconstruction(
 
 
 def reconstruction_figures(
-    structure: Structure,
-    curves: Curves,
-    settings: SliceChoice,
-    seed: int,
-    orderers: Sequence[Orderer] = (),
+    structure: Structure, curves: Curves, settings: SliceChoice, seed: int, orderers: Sequence[Orderer] = ()
 ) -> dict[str, SliceFigure]:
     """Figure 16: what reconstruction makes of Harris corners: ground truth, the paper's three, a tour, CCCD.
 

@@ -16,16 +16,7 @@ import numpy as np
 import pandas as pd
 from scipy import ndimage
 
-from cccd.containers import (
-    Curves,
-    FittedCurves,
-    Frame,
-    Panel,
-    ProbabilityStack,
-    Sections,
-    SliceFigure,
-    Structure,
-)
+from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Sections, Structure
 from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
@@ -46,6 +37,7 @@ from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed
+from cccd_viewers.page_files import Panel, SliceFigure
 
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd_segmentation.model import Segmenter

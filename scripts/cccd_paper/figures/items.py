@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import pandas as pd
 
-from cccd.containers import Panel, SliceFigure
 from cccd.geometry.arrays import split_ragged
 from cccd_paper.comparisons.cohort_tables import at_best, figure_11_rows
 from cccd_paper.comparisons.paper_k import CCCD, COARSE_K
@@ -19,6 +18,7 @@ from cccd_paper.figures import plots
 from cccd_paper.figures.diagrams import draw_steps
 from cccd_paper.figures.panels import LINK_LOOKS, LOOKS, MAP_LOOKS, OUTLINE_LOOKS, Looks, draw_slice_figure
 from cccd_paper.figures.stills import draw_surface_still
+from cccd_viewers.page_files import Panel, SliceFigure
 from cccd_workflow.report.registry import Item
 from cccd_workflow.report.results import Results
 from cccd_workflow.report.summary import structure_names

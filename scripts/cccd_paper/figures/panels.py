@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from cccd.containers import Panel, SliceFigure
+from cccd_viewers.page_files import Panel, SliceFigure
 from cccd_workflow.report.svg import INK, SERIES, style, to_svg
 
 __all__ = ["LINK_LOOKS", "LOOKS", "MAP_LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]

@@ -20,12 +20,7 @@ __all__ = ["lines", "methods", "rates"]
 
 
 def lines(
-    key: str,
-    frame: pd.DataFrame,
-    x: str,
-    measures: Mapping[str, str],
-    series: str,
-    dashed: str | None = None,
+    key: str, frame: pd.DataFrame, x: str, measures: Mapping[str, str], series: str, dashed: str | None = None
 ) -> str | None:
     """Draw medians of several measures against ``x``, one panel each.
 

@@ -22,10 +22,10 @@ import yaml
 from markupsafe import Markup
 
 from cccd.console import duration
-from cccd.containers import View
 from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
 from cccd.store import atomic_path
+from cccd_viewers.page_files import View
 from cccd_workflow.report.facts import benchmark_table, provenance
 from cccd_workflow.report.html_tables import Table, table
 from cccd_workflow.report.numerals import number

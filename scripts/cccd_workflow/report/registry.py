@@ -18,16 +18,7 @@ from typing import Any, Literal
 
 from cccd.plugins import table
 
-__all__ = [
-    "Comparison",
-    "Input",
-    "Item",
-    "comparisons",
-    "inputs",
-    "items",
-    "registered",
-    "sections",
-]
+__all__ = ["Comparison", "Input", "Item", "comparisons", "inputs", "items", "registered", "sections"]
 
 
 @dataclass(frozen=True)

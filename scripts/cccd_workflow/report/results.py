@@ -9,7 +9,8 @@ from typing import Any, TypeVar
 import pandas as pd
 
 from cccd import store
-from cccd.containers import SliceFigure
+from cccd_networks.graphs import GraphSplit, read_graph_facts, read_graphs
+from cccd_viewers.page_files import SliceFigure, read_figure, read_view
 from cccd_workflow.report.registry import Comparison, Item
 
 __all__ = ["Results", "StructureFiles"]
@@ -62,7 +63,7 @@ class StructureFiles:
 
     def view(self):
         """Read the small meshes and what colours them."""
-        return _if_there(store.read_view, self.folder / "view.h5")
+        return _if_there(read_view, self.folder / "view.h5")
 
     def rows(self, name: str) -> pd.DataFrame | None:
         """Read the rows of a comparison."""
@@ -71,7 +72,7 @@ class StructureFiles:
     def figure(self, comparison: str, key: str) -> SliceFigure | None:
         """Read what a comparison left for a figure."""
         file = self.folder / "comparisons" / f"{comparison}.h5"
-        return store.read_figure(file, key) if file.is_file() else None
+        return read_figure(file, key) if file.is_file() else None
 
 
 class Results:
@@ -121,11 +122,11 @@ class Results:
 
     def graphs(self) -> tuple[dict[str, int], dict] | None:
         """Read how many graphs the network was trained on, and what they hold."""
-        return _if_there(store.read_graph_facts, self.folder / "gnn" / "graphs.h5")
+        return _if_there(read_graph_facts, self.folder / "gnn" / "graphs.h5")
 
-    def training_graphs(self) -> store.GraphSplit | None:
+    def training_graphs(self) -> GraphSplit | None:
         """Read the frozen training graphs."""
-        return _if_there(lambda path: store.read_graphs(path, "training"), self.folder / "gnn" / "graphs.h5")
+        return _if_there(lambda path: read_graphs(path, "training"), self.folder / "gnn" / "graphs.h5")
 
     def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
         """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""

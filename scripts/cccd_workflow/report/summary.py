@@ -13,14 +13,7 @@ from cccd.store import read_json, read_table
 from cccd_workflow.report.measures import MEASURES
 from cccd_workflow.report.registry import Item, comparisons, items
 
-__all__ = [
-    "Cohort",
-    "build_tables",
-    "distances",
-    "read_cohort",
-    "structure_names",
-    "structures",
-]
+__all__ = ["Cohort", "build_tables", "distances", "read_cohort", "structure_names", "structures"]
 
 
 class Cohort:

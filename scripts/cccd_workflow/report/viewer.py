@@ -15,9 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from cccd.containers import Curves, View
+from cccd.containers import Curves
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, quad_edges
+from cccd_viewers.page_files import View
 
 __all__ = ["case_figure", "colour_limit", "colour_stops", "deflate", "packed", "surface_figure"]
 

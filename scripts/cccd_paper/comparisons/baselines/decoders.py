@@ -20,11 +20,7 @@ __all__ = ["DECODERS"]
 DECODERS = {
     method.title: method
     for method in (
-        Baseline(
-            "skeleton prune + tour + prizes",
-            prize_tour,
-            "ours, without learning",
-        ),
+        Baseline("skeleton prune + tour + prizes", prize_tour, "ours, without learning"),
         Baseline("watershed (seeded)", seeded_watershed, "scikit-image, on the distance to the map"),
         Baseline("circular shortest path (seeded)", circular_path, "after Appleton and Sun (2003)"),
         Baseline("spanning tree, best cycle", best_tree_cycle, "ours, on SciPy's spanning tree"),

@@ -116,9 +116,7 @@ SURFACES = {
             "slices interpolated by shape, VTK",
         ),
         Baseline(
-            "paper's loft, eq. (10)",
-            lambda _, curves: tensor_product_loft(curves),
-            f"one tube: {TUNED}",
+            "paper's loft, eq. (10)", lambda _, curves: tensor_product_loft(curves), f"one tube: {TUNED}"
         ),
         _of_points("ball pivoting", point_meshes.ball_pivoting, "Bernardini et al. (1999)"),
         _of_points("Poisson", point_meshes.poisson, "Kazhdan et al. (2006)"),

@@ -2,10 +2,9 @@
 
 import numpy as np
 
-from cccd.containers import Panel, SliceFigure
-from cccd.store import write_figures
 from cccd_paper.figures.panels import OUTLINE_LOOKS, draw_slice_figure
 from cccd_paper.registry import ITEMS
+from cccd_viewers.page_files import Panel, SliceFigure, write_figures
 from cccd_workflow.report.results import Results
 
 SQUARE = np.array([[2.0, 3.0], [2.0, 9.0], [8.0, 9.0], [8.0, 3.0]])
