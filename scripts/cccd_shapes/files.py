@@ -22,8 +22,8 @@ from cccd_shapes.cohort import Cohort
 from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
 from cccd_viewers.page_files import View
+from cccd_viewers.viewer import packed, surface_figure
 from cccd_workflow.report.page import shared_facts, write_page
-from cccd_workflow.report.viewer import packed, surface_figure
 
 __all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]
 

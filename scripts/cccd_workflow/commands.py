@@ -21,7 +21,7 @@ def add_compare(command: argparse.ArgumentParser) -> None:
     Inputs: meshes (PLY, STL, OBJ, GLB, VTP, GIfTI), surface.h5, solids (STEP, IGES, BREP), masks,
     label maps, DICOM SEG and RTSTRUCT. Exits with 1 if a limit is missed.
     """
-    from cccd.limits import LIMITS, TOLERANCE_MM
+    from cccd_workflow.limits import LIMITS, TOLERANCE_MM
 
     command.add_argument("first", type=Path, metavar="A")
     command.add_argument("second", type=Path, metavar="B")
@@ -38,9 +38,8 @@ def add_compare(command: argparse.ArgumentParser) -> None:
         help="output file, repeatable: .glb, .vtp: A's surface coloured by its distance to B; .html: a page",
     )  # fmt: skip
     for figure, limit in LIMITS.items():
-        command.add_argument(
-            f"--{limit.option}", type=float, dest=figure, metavar=limit.unit, help=limit.help
-        )
+        about = {"metavar": limit.unit, "help": f"exit with 1 if {limit.missed}"}
+        command.add_argument(f"--{limit.option}", type=float, dest=figure, **about)
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(run=_compare)
 
@@ -88,9 +87,9 @@ def add_report(command: argparse.ArgumentParser) -> None:
 
 
 def _compare(given: argparse.Namespace) -> int:
-    from cccd.limits import LIMITS
     from cccd_workflow.comparison import compare, missed_limits
     from cccd_workflow.comparison_files import check_outputs, write_comparison
+    from cccd_workflow.limits import LIMITS
 
     if len(given.label) > 2:
         raise InputError("--label", "given more than twice", "give one label, or that of A and that of B")

@@ -23,12 +23,12 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
-from cccd.limits import LIMITS, TOLERANCE_MM
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import affine_of, measure_labels
 from cccd_meshes.closed_meshes import mend
+from cccd_workflow.limits import LIMITS, TOLERANCE_MM
 
 __all__ = ["Compared", "Comparison", "compare", "missed_limits"]
 
@@ -357,7 +357,7 @@ def missed_limits(found: Comparison, limits: Mapping[str, float]) -> list[str]:
     ----------
     found : Comparison
     limits : mapping of str to float
-        By figure, see `cccd.limits.LIMITS`.
+        By figure, see `cccd_workflow.limits.LIMITS`.
     """
     missed: list[str] = []
     for row in found.rows:

@@ -83,7 +83,7 @@ def _write_vtp(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
 def _write_glb(path: Path, found: Comparison, rows: Sequence[Compared]) -> None:
     import trimesh
 
-    from cccd_workflow.report.viewer import colour_limit, colour_stops
+    from cccd_viewers.viewer import colour_limit, colour_stops
 
     stops = np.array(colour_stops()["distance"], float)
     limit = colour_limit(np.concatenate([_mesh(row)[1] for row in rows]), "distance")

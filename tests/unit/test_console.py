@@ -5,7 +5,8 @@ import logging
 
 import pytest
 
-from cccd.console import JobLines, OrganLines, duration, is_of_jobs
+from cccd.console import OrganLines, duration
+from cccd_workflow.job_lines import REPLACED, JobLines, is_of_jobs
 
 
 def record(event=None, message="", **fields):
@@ -71,8 +72,6 @@ def test_errors_and_the_table_of_jobs_stay():
 
 def test_snakemake_has_the_events_that_are_replaced():
     from snakemake_interface_logger_plugins.common import LogEvent
-
-    from cccd.console import REPLACED
 
     assert {str(event) for event in LogEvent} >= REPLACED
 

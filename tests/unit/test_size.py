@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17824,
+    "scripts/cccd": 17675,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
@@ -24,10 +24,10 @@ MOST_LINES = {
     "scripts/cccd_tetrahedra": 1522,
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1908,
-    "scripts/cccd_viewers": 559,
-    "scripts/cccd_workflow": 5955,
+    "scripts/cccd_viewers": 781,
+    "scripts/cccd_workflow": 5877,
     "bench": 4709,
-    "tests": 24787,
+    "tests": 24786,
 }
 
 

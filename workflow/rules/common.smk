@@ -19,11 +19,11 @@ if (ROOT / "scripts" / "cccd").is_dir():
 
 from snakemake.cli import parse_args
 
-from cccd.console import shorten
 from cccd_networks.devices import DEVICE
 from cccd.errors import InputError
 from cccd_shapes import FEWEST
 from cccd_workflow.job import BATCH, take_placeholders_away
+from cccd_workflow.job_lines import shorten
 from cccd_workflow.plan.checks import PlannedJob, check_jobs, check_slurm
 from cccd_workflow.plan.cohort import near
 from cccd_workflow.plan.networks import MODEL

@@ -26,6 +26,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
 from cccd.store import atomic_path
 from cccd_viewers.page_files import View
+from cccd_viewers.viewer import case_figure, deflate, packed, surface_figure
 from cccd_workflow.report.facts import benchmark_table, provenance
 from cccd_workflow.report.html_tables import Table, table
 from cccd_workflow.report.numerals import number
@@ -43,7 +44,6 @@ from cccd_workflow.report.structure_view import (
     view_structure,
 )
 from cccd_workflow.report.summary import Cohort, build_tables, read_cohort
-from cccd_workflow.report.viewer import case_figure, deflate, packed, surface_figure
 
 __all__ = [
     "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",

@@ -29,7 +29,7 @@ __all__ = [
 
 @dataclass
 class StructureView:
-    """One structure as the templates see it; ``figure`` is what `cccd_workflow.report.viewer.packed` made."""
+    """One structure as the templates see it; ``figure`` is what `cccd_viewers.viewer.packed` made."""
 
     case: str
     organ: str

@@ -26,8 +26,8 @@ from cccd.inputs.limits import Limits
 from cccd.inputs.readers import read_volume
 from cccd_dicom.readers import Regions, Segments, read_series
 from cccd_dicom.rtstruct import write_rtstruct
+from cccd_viewers.viewer import case_figure
 from cccd_workflow.report.page import build_case_page
-from cccd_workflow.report.viewer import case_figure
 
 MASK = organ()  # 44 x 38 x 14 voxels
 MARK = "Zaphod"

@@ -12,7 +12,7 @@ from cccd.containers import Curves, Frame
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd_viewers.page_files import View
-from cccd_workflow.report.viewer import case_figure, colour_limit, colour_stops, packed, surface_figure
+from cccd_viewers.viewer import case_figure, colour_limit, colour_stops, packed, surface_figure
 
 CUBE = np.array([[0, 3, 2, 1], [4, 5, 6, 7], [0, 1, 5, 4], [1, 2, 6, 5], [2, 3, 7, 6], [3, 0, 4, 7]])
 
