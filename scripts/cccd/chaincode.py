@@ -60,12 +60,11 @@ def chain_codes(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     ValueError
         When a link is not a step to one of the 8 neighbours.
     """
-    step = np.asarray(points)[successors(offsets)] - points
-    unit = (np.abs(step).max(axis=1, initial=0) == 1) & (step == np.rint(step)).all(axis=1)
-    if not unit.all():
-        curve = int(np.searchsorted(offsets, np.argmin(unit), side="right")) - 1
+    broken = broken_links(points, offsets)
+    if broken.any():
+        curve = int(np.searchsorted(offsets, np.argmax(broken), side="right")) - 1
         raise ValueError(f"curve {curve} has a link that is not a step to a neighbouring pixel")
-    step = step.astype(np.int64)
+    step = (points[successors(offsets)] - points).astype(np.int64)
     return _CODE_OF_STEP[step[:, 0] + 1, step[:, 1] + 1]
 
 

@@ -72,11 +72,8 @@ class Frame:
     @property
     def of_file(self) -> Frame:
         """The file's own grid: what is written for other programs lies on it."""
-        return (
-            self
-            if self.copied_to is None
-            else Frame(self.copied_to.affine, self.slice_axis, self.copied_to.shape)
-        )
+        own = self.copied_to
+        return self if own is None else Frame(own.affine, self.slice_axis, own.shape)
 
     @property
     def ends(self) -> tuple[float, float]:

@@ -16,10 +16,6 @@ from cccd.surface import LoftedSurface, loft_surface
 __all__ = ["find_contours", "loft_sections", "reconstruct_mask"]
 
 
-def _silent(step: str) -> None:
-    """Tell nobody."""
-
-
 def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
     """Make ordered closed curves of what a structure brings.
 
@@ -47,7 +43,7 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
 
 
 def loft_sections(
-    sections: Sections, lofting: LoftSettings, tell: Callable[[str], None] = _silent
+    sections: Sections, lofting: LoftSettings, tell: Callable[[str], None] = lambda step: None
 ) -> LoftedSurface:
     """Loft what is known of slices.
 

@@ -15,7 +15,7 @@ import os
 import secrets
 import tempfile
 from collections.abc import Generator, Iterable, Mapping, Sequence
-from dataclasses import is_dataclass
+from dataclasses import is_dataclass, replace
 from pathlib import Path
 from types import UnionType
 from typing import TYPE_CHECKING, Any, TypeVar, cast, get_args, get_origin, get_type_hints
@@ -76,11 +76,7 @@ _T = TypeVar("_T")
 
 #: Arrays of organs that share their walls.
 _CONFORMING = ("vertices", "triangles", "regions")
-#: Attributes of the error band, and how near in mm vertices are that were kept as single floats.
-_BAND_FACTS = (
-    *("share", "volume_factor", "extrapolated", "length_mm"),
-    *("area_low", "area_high", "diameter_low", "diameter_high"),
-)
+#: How near in mm vertices are that were kept as single floats.
 _SAME_VERTEX_MM = 1e-3
 
 
@@ -457,11 +453,9 @@ def write_control_meshes(
         _put_json(file, "report", report)
         _put_bodies(file.create_group("bodies"), bodies)
         if band is not None:
-            group = file.create_group("band")
-            for name in _BAND_FACTS:
-                group.attrs[name] = getattr(band[0], name)
-            for name, values in (("inner", band[0].inner), ("outer", band[0].outer), ("vertices", band[1])):
-                _put(group, name, values, np.float32)
+            group, inner, outer = file.create_group("band"), band[0].inner, band[0].outer
+            write_fields(group, replace(band[0], inner=np.float32(inner), outer=np.float32(outer)))
+            _put(group, "vertices", band[1], np.float32)
 
 
 def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | None:
@@ -469,12 +463,10 @@ def read_band(path: str | Path, vertices: npt.NDArray[np.float64]) -> Band | Non
     with open_file(path) as file:
         if "band" not in file:
             return None
-        group = file["band"]
-        inner, outer, points = (_get(group, name).astype(float) for name in ("inner", "outer", "vertices"))
-        facts = {name: group.attrs[name].item() for name in _BAND_FACTS}
-    from cccd.bands import Band
+        from cccd.bands import Band
 
-    band = Band(inner, outer, **facts)
+        band, points = read_fields(file["band"], Band), _get(file, "band/vertices").astype(float)
+    band = replace(band, inner=band.inner.astype(float), outer=band.outer.astype(float))
     same = points.shape == vertices.shape and np.allclose(points, vertices, atol=_SAME_VERTEX_MM)
     return band if same else band.moved_to(points, vertices)
 

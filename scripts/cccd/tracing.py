@@ -12,7 +12,7 @@ import numpy as np
 import scipy
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
-from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, owners_of, split_ragged
+from cccd.geometry.arrays import FloatArray, IntArray, RealArray, concatenate_ragged, owners_of, split_ragged
 from cccd.geometry.opencv import borders_of
 from cccd.geometry.polygons import RaggedPolygons
 
@@ -189,27 +189,26 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
     missing = mask & ~curves.rasterise(origin, mask.shape)
     in_plane = np.zeros((3, 3, 3), bool)
     in_plane[1] = True
-    labels, count = scipy.ndimage.label(mask, structure=in_plane)
-    size = np.bincount(labels.ravel(), minlength=count + 1)
-    lost = np.bincount(labels[missing], minlength=count + 1)
-    whole = (lost == size) & (lost > 0)
-    parts = _wholly_missing(mask, missing) if whole.any() else np.zeros(0, int)
+    size, lost = _lost_of_parts(mask, missing, in_plane)
+    whole, parts = lost == size, np.zeros(0, int)
+    if whole.any():
+        sizes, gone = _lost_of_parts(mask, missing, np.ones((3, 3, 3), bool))
+        parts = sizes[gone == sizes]
     return {
         "components": int(whole.sum()),
         "component_pixels": int(size[whole].sum()),
         "spur_pixels": int(lost[~whole].sum()),
         "parts": len(parts),
         "part_voxels": int(parts.sum()),
-        "voxels": int(size[1:].sum()),
+        "voxels": int(size.sum()),
     }
 
 
-def _wholly_missing(mask: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """Voxels (P,) of each part of a mask (S, I, J) whose voxels are all missing."""
-    labels, count = scipy.ndimage.label(mask, structure=np.ones((3, 3, 3), bool))
-    size = np.bincount(labels[mask], minlength=count + 1)
-    lost = np.bincount(labels[missing], minlength=count + 1)
-    return size[(lost == size) & (lost > 0)]
+def _lost_of_parts(mask: np.ndarray, missing: np.ndarray, structure: np.ndarray) -> tuple[IntArray, IntArray]:
+    """Voxels (P,) of each part of a mask (S, I, J), and how many of them are missing."""
+    labels, count = scipy.ndimage.label(mask, structure)
+    size, lost = (np.bincount(labels[of], minlength=count + 1)[1:] for of in (mask, missing))
+    return size, lost
 
 
 def zero_contours(plane: RealArray) -> list[FloatArray]:

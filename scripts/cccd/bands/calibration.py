@@ -6,9 +6,10 @@ import json
 from dataclasses import asdict, dataclass, field
 from functools import cache
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from cccd.bands.signs import SIGNS
 from cccd.errors import InputError
@@ -137,17 +138,11 @@ class Calibration:
 def _read(path: Path) -> Calibration:
     hint = "make one with cccd calibrate"
     try:
-        plain: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-        return Calibration(
-            str(plain["made_of"]),
-            {name: Curve(**{key: (*of,) for key, of in plain["scale"][name].items()}) for name in SIGNS},
-            tuple(
-                Regime(**cast(Any, {key: (*of,) if isinstance(of, list) else of for key, of in one.items()}))
-                for one in plain["regimes"]
-            ),
-            {name: tuple((low, high) for low, high in ends) for name, ends in plain["spans"].items()},
-        )
+        found = TypeAdapter(Calibration).validate_json(path.read_bytes())
+        if not ({*SIGNS} <= found.scale.keys() and found.regimes and found.spans):
+            raise ValueError("something is missing")
+        return found
     except OSError as error:
         raise InputError(str(path), f"the calibration cannot be read ({error.strerror})", hint) from None
-    except (ValueError, KeyError, TypeError, AttributeError):
+    except ValueError:
         raise InputError(str(path), "that is no calibration of this version", hint) from None

@@ -124,17 +124,15 @@ def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     A round outline passes only where its radius is below the arms' length.
     """
     ring = Ring(offsets)
-    backward, straight_behind = _arm(points, ring, -_ARM_PX, _STRAIGHT_PX)
-    forward, straight_ahead = _arm(points, ring, _ARM_PX, _STRAIGHT_PX)
+    backward, straight_behind = _arm(points, ring, -_ARM_PX)
+    forward, straight_ahead = _arm(points, ring, _ARM_PX)
     cosine = np.clip(-(forward * backward).sum(axis=1), -1, 1)
     turn = np.round(np.degrees(np.arccos(cosine)), 9)
-    reach = np.full(len(points), _ARM_PX)
-    fits = straight_behind & straight_ahead & (ring.size >= 4 * _ARM_PX)
-    turn = np.where(fits, turn, 0)
-    return local_extrema(turn, reach, ring) & (turn >= _TURN_DEG)
+    turn[~straight_behind | ~straight_ahead | (ring.size < 4 * _ARM_PX)] = 0
+    return local_extrema(turn, np.full(len(points), _ARM_PX), ring) & (turn >= _TURN_DEG)
 
 
-def _arm(points: np.ndarray, ring: Ring, links: int, straight_px: float) -> tuple[np.ndarray, np.ndarray]:
+def _arm(points: np.ndarray, ring: Ring, links: int) -> tuple[np.ndarray, np.ndarray]:
     """Direction (P, 2) of the line through an arm's points, outwards, and whether they lie straight."""
     shifts = [ring.at(int(np.sign(links)) * step) for step in range(abs(links) + 1)]
     centre = sum(points[shift] for shift in shifts) / len(shifts)
@@ -150,4 +148,4 @@ def _arm(points: np.ndarray, ring: Ring, links: int, straight_px: float) -> tupl
     deviation = np.zeros(len(points))
     for shift in shifts:
         deviation = np.maximum(deviation, np.abs(((points[shift] - centre) * normal).sum(axis=1)))
-    return direction, deviation <= straight_px
+    return direction, deviation <= _STRAIGHT_PX

@@ -424,13 +424,6 @@ def _annotation(scan: Scan, first: IntArray, last: IntArray, location: str) -> A
     )
 
 
-def _on_slices(mask: BoolArray, origin: IntArray, frame: Frame, slices: IntArray) -> BoolArray:
-    """Clear all but the source slices (D,) of a mask whose first voxel is ``origin``."""
-    axis = frame.slice_axis
-    kept = np.isin(np.arange(mask.shape[axis]) + origin[axis], slices)
-    return mask & np.expand_dims(kept, frame.in_plane_axes)
-
-
 def _on_coarser_grid(scan: Scan, location: str) -> Scan:
     """Read a mask whose voxels are copies at those that they were copied from."""
     grid, mask, frame = scan.coarser, scan.mask, scan.frame
@@ -486,10 +479,13 @@ def _crop(scan: Scan, request: Request) -> Structure:
     if scan.probability is not None:  # beyond the scan there is nothing
         inside = crop(np.ones(frame.shape, bool), first, last)
         probability = np.where(inside, crop(scan.probability, first, last), np.float32(0))
-    if region is not None and scan.mask is not None and mask is not None:
-        warnings = warnings + _unscored_notes(scan.mask, mask)
+    if region is not None and scan.mask is not None:
+        outside = np.count_nonzero(scan.mask) - np.count_nonzero(mask)
+        note = f"{outside} voxels of the ground truth lie outside the crop, and are not scored"
+        warnings = [*warnings, note] if outside else warnings
     if annotation is not None and mask is not None:
-        mask = _on_slices(mask, first, frame, annotation.slices)
+        drawn = np.isin(np.arange(mask.shape[frame.slice_axis]) + first[frame.slice_axis], annotation.slices)
+        mask &= np.expand_dims(drawn, frame.in_plane_axes)
     return Structure(
         case=request.case,
         organ=request.organ,
@@ -531,14 +527,6 @@ def _size_notes(frame: Frame, first: IntArray, last: IntArray, location: str) ->
     if longest >= SMALL_MM:
         return []
     return [f"the organ is {longest:.2g} mm long, its voxels {size} mm: are the header's units millimetres?"]
-
-
-def _unscored_notes(truth: BoolArray, mask: BoolArray) -> list[str]:
-    """Say how much of the ground truth lies outside a crop that was made without looking at it."""
-    outside = int(np.count_nonzero(truth)) - int(np.count_nonzero(mask))
-    if not outside:
-        return []
-    return [f"{outside} voxels of the ground truth lie outside the crop, and are not scored"]
 
 
 # provenance -----------------------------------------------------------------------------------------

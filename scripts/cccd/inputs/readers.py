@@ -211,8 +211,10 @@ def read_nifti(path: Path, limits: Limits = LIMITS) -> Volume:
         _check_promise(math.prod(map(int, image.shape)) * image.get_data_dtype().itemsize, ratio, voxels)
         data = np.asanyarray(image.dataobj)
     warnings = []
-    if isinstance(image, AnalyzeImage) and not _is_oriented(image):
-        warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
+    if isinstance(image, AnalyzeImage):
+        codes = (int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header)
+        if not any(codes):
+            warnings.append(f"{location}: no orientation in its header; left and right may be swapped")
     warnings += _two_places(image, location)
     names = _nifti_names(image) | dataset_names(path)
     return Volume(_spatial(data, location), affine, location, names, warnings=warnings)
@@ -231,12 +233,6 @@ def _two_places(image: SpatialImage, location: str) -> list[str]:
     if apart < 0.5 * np.linalg.norm(sform[:3, :3], axis=0).min():
         return []
     return [f"{location}: its sform and qform put it up to {apart:.3g} mm apart; the sform is used"]
-
-
-def _is_oriented(image: AnalyzeImage) -> bool:
-    """Whether a header of the Analyze family holds an sform or a qform."""
-    header = image.header
-    return any(int(header[code]) for code in ("sform_code", "qform_code") if code in header)
 
 
 def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:

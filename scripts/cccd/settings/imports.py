@@ -18,17 +18,7 @@ __all__ = [
 
 #: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
 PHANTOM_ORGANS = (
-    "A",
-    "H",
-    "X",
-    "bronchi",
-    "kidney",
-    "liver",
-    "lungs",
-    "shell",
-    "sphere",
-    "torus",
-    "two_spheres",
+    *("A", "H", "X", "bronchi", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres"),
 )
 PHANTOM_DISTANCES_MM = (2, 5, 8)
 

@@ -118,18 +118,16 @@ def explain(error: ValidationError, config: Mapping[str, Any]) -> InputError:
     if isinstance(value, str) and near.startswith("did"):
         return InputError(key, f"{_show(value)} is not allowed", near)
     alike = [one for one in violations if _follow(one["loc"], config)[0] == path]
-    wishes = ["a list" if _is_inside(one["loc"][len(path) :]) else _wish(one["msg"]) for one in alike]
+    wishes = [  # where a list's entry fails in one branch of a union, a list is wanted
+        "a list" if any(isinstance(part, int) for part in one["loc"][len(path) :]) else _wish(one["msg"])
+        for one in alike
+    ]
     if field and NoneType in get_args(field.annotation):
         wishes.append("null")
     hint = f"give {' or '.join(dict.fromkeys(wishes))}{about}"
     if value is None:
         hint = f"{hint}; leave the key out to keep the default"
     return InputError(key, f"{_show(value)} is not allowed", hint)
-
-
-def _is_inside(branch: tuple[int | str, ...]) -> bool:
-    """Whether it is an entry of a list that fails in one branch of a union."""
-    return any(isinstance(part, int) for part in branch)
 
 
 def _wish(message: str) -> str:
