@@ -38,8 +38,8 @@ def add_compare(command: argparse.ArgumentParser) -> None:
         help="output file, repeatable: .glb, .vtp: A's surface coloured by its distance to B; .html: a page",
     )  # fmt: skip
     for figure, limit in LIMITS.items():
-        about = {"metavar": limit.unit, "help": f"exit with 1 if {limit.missed}"}
-        command.add_argument(f"--{limit.option}", type=float, dest=figure, **about)
+        about = f"exit with 1 if {limit.missed}"
+        command.add_argument(f"--{limit.option}", type=float, dest=figure, metavar=limit.unit, help=about)
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(run=_compare)
 

@@ -1,5 +1,7 @@
 """A bar of two organs end to end, with a ball in one of them, that the scan cuts at both ends."""
 
+import subprocess
+
 import numpy as np
 import trimesh
 
@@ -7,7 +9,7 @@ from cccd.containers import Frame
 from cccd.settings.surface import TetrahedraSettings
 from support.solids import mesh_of, sphere
 
-__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "two_halves"]
+__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "calculix", "two_halves"]
 
 #: Of the bar's section, and of each organ's length, in mm.
 WIDTH, HALF = 10.0, 20.0
@@ -24,3 +26,12 @@ def two_halves():
         "right": mesh_of(box, (0, 0, HALF / 2)),
         "tumour": sphere(3.0, (0, 0, -HALF / 2), subdivisions=3),
     }
+
+
+def calculix(folder, model):
+    """Solve a model with CalculiX: rows of node, x, y and z, as it prints displacements."""
+    (folder / "model.inp").write_text(model.strip() + "\n")
+    done = subprocess.run(["ccx", "model"], cwd=folder, capture_output=True, text=True, timeout=120)
+    assert "Job finished" in done.stdout, done.stdout[-2000:]
+    rows = [line.split() for line in (folder / "model.dat").read_text().splitlines()]
+    return np.array([[float(x) for x in row] for row in rows if len(row) == 4 and row[0].isdigit()])

@@ -10,7 +10,8 @@ import trimesh
 
 from cccd.bands import Band
 from cccd.chaincode import chain_codes
-from cccd.containers import FittedCurves, Frame, Splines, Structure
+from cccd.containers import FittedCurves, Frame, Structure
+from cccd.curves import corner_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
@@ -72,22 +73,6 @@ def make_structure(case: str, organ: str, warnings: tuple[str, ...] = ()) -> tup
     return structure, centre
 
 
-def make_splines(curves, corners: list[np.ndarray]) -> Splines:
-    """Uniform cubic splines with the corners as control points (eq. 9)."""
-    degree = 3
-    knots = [np.arange(len(part) + 2 * degree + 1, dtype=float) for part in corners]
-    return Splines(
-        np.concatenate(corners),
-        np.cumsum([0, *map(len, corners)]),
-        np.concatenate(knots),
-        np.cumsum([0, *map(len, knots)]),
-        curves.slice,
-        curves.hole,
-        degree,
-        curves.frame,
-    )
-
-
 def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...] = ()) -> None:
     """Everything that the stages leave for one structure."""
     structure, centre = make_structure(case, organ, warnings)
@@ -95,16 +80,11 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     boundaries = extract_boundaries(structure, BOUNDARIES)
     write_boundaries(folder / "boundaries.h5", boundaries)
     curves = trace_mask(structure)
-    corners = [part[:: max(1, len(part) // 24)] for part in curves]
+    corner = np.concatenate([np.arange(len(part)) % max(1, len(part) // 24) == 0 for part in curves])
+    splines = corner_splines(curves, corner)
+    codes = chain_codes(curves.points, curves.offsets)
     write_curves(
-        folder / "curves.h5",
-        FittedCurves(
-            curves,
-            chain_codes(curves.points, curves.offsets),
-            np.concatenate(corners),
-            np.cumsum([0, *map(len, corners)]),
-            make_splines(curves, corners),
-        ),
+        folder / "curves.h5", FittedCurves(curves, codes, curves.points[corner], splines.offsets, splines)
     )
     mesh = trimesh.creation.icosphere(subdivisions=4)
     vertices = centre + mesh.vertices * radius(np.asarray(mesh.vertices))[:, None]

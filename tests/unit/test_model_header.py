@@ -49,8 +49,9 @@ def test_the_shipped_files_are_read():
 def test_a_file_that_is_no_model_is_named(tmp_path, content):
     path = tmp_path / "model.pt"
     path.write_bytes(content)
-    with pytest.raises(InputError, match=r"model\.pt"):
-        read_header(path)
+    for read in (read_header, load_model):
+        with pytest.raises(InputError, match=r"model\.pt"):
+            read(path)
 
 
 class Bomb:

@@ -479,7 +479,7 @@ def _crop(scan: Scan, request: Request) -> Structure:
     if scan.probability is not None:  # beyond the scan there is nothing
         inside = crop(np.ones(frame.shape, bool), first, last)
         probability = np.where(inside, crop(scan.probability, first, last), np.float32(0))
-    if region is not None and scan.mask is not None:
+    if region is not None and scan.mask is not None and mask is not None:
         outside = np.count_nonzero(scan.mask) - np.count_nonzero(mask)
         note = f"{outside} voxels of the ground truth lie outside the crop, and are not scored"
         warnings = [*warnings, note] if outside else warnings

@@ -4,8 +4,8 @@ import numpy as np
 import pandas as pd
 from equal_points import CHAIN, choose_for_shares, measure_at_shares
 from support.known_curves import bean
+from support.shapes import structure_of
 
-from cccd.containers import Frame, Structure
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.samples import choose_slices
@@ -35,7 +35,7 @@ def test_the_best_within_each_share_is_chosen():
 
 def test_more_points_describe_an_outline_better():
     mask = np.stack([rasterise([bean(200)], (0, 0), (140, 140))] * 2, axis=2)
-    structure = Structure("a", "b", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
+    structure = structure_of(mask)
     curves = trace_mask(structure)
     samples = choose_slices(structure, curves, 2)
     chosen = pd.DataFrame(

@@ -3,13 +3,15 @@
 import base64
 import io
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from PIL import Image
 from support.sample_results import BAND, BOUNDARIES, write_results
+from support.shapes import structure_of
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Frame
 from cccd.store import write_boundaries, write_structure
 from cccd_junctions.boundary import extract_boundaries
 from cccd_workflow.report.results import StructureFiles
@@ -63,13 +65,12 @@ def test_the_bands_lines_lie_on_both_sides_of_the_curve(sheet):
 def test_boundary_maps_show_their_pixels_and_need_no_mask(tmp_path):
     mask = np.zeros((30, 30, 4), bool)
     mask[5:22, 8:25, 1:3] = True
-    frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, mask.shape)
-    whole = Structure("a", "b", frame, np.zeros(3, int), mask=mask)
+    whole = structure_of(mask, (1, 1, 3))
     boundaries = extract_boundaries(whole, BOUNDARIES)
     rings = np.zeros_like(mask)
     for k, part in zip(boundaries.slice, boundaries, strict=True):
         rings[part[:, 0], part[:, 1], k] = True
-    write_structure(tmp_path / "structure.h5", Structure("a", "b", frame, np.zeros(3, int), boundary=rings))
+    write_structure(tmp_path / "structure.h5", replace(whole, mask=None, boundary=rings))
     write_boundaries(tmp_path / "boundaries.h5", boundaries)
     found = draw_slices(StructureFiles(tmp_path))
     assert list(found.layers) == ["boundary"]

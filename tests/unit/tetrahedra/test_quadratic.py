@@ -1,12 +1,11 @@
 """Quadratic tetrahedra: curved along the surface, never folded, nearer to Lame's sphere than linear ones."""
 
 import shutil
-import subprocess
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.bars import SETTINGS, two_halves
+from support.bars import SETTINGS, calculix, two_halves
 from support.solids import sphere
 
 from cccd.geometry.distance import to_mesh
@@ -149,12 +148,8 @@ def widening(filled, folder):
     outside = np.unique(filled.group("outer"))
     at = filled.vertices[outside]
     a, b, c = (outside[n] + 1 for n in (at[:, 2].argmax(), at[:, 2].argmin(), at[:, 0].argmax()))
-    model = MODEL.strip().format(modulus=MODULUS, poisson=POISSON, pressure=PRESSURE, a=a, b=b, c=c)
-    (folder / "model.inp").write_text(model + "\n")
-    done = subprocess.run(["ccx", "model"], cwd=folder, capture_output=True, text=True, timeout=120)
-    assert "Job finished" in done.stdout, done.stdout[-2000:]
-    rows = [line.split() for line in (folder / "model.dat").read_text().splitlines()]
-    table = np.array([[float(x) for x in row] for row in rows if len(row) == 4 and row[0].isdigit()])
+    given = {"modulus": MODULUS, "poisson": POISSON, "pressure": PRESSURE}
+    table = calculix(folder, MODEL.format(**given, a=a, b=b, c=c))
     points, moved = filled.vertices[table[:, 0].astype(int) - 1], table[:, 1:]
     outwards = points / np.linalg.norm(points, axis=1, keepdims=True)
     motions = [outwards, *(np.broadcast_to(axis, points.shape) for axis in np.eye(3))]

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 import torch
+from support.shapes import structure_of
 
-from cccd.containers import Frame, Sections, Structure
+from cccd.containers import Sections
 from cccd.curves.fitting import fit_splines
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
@@ -25,9 +26,7 @@ def structure():
     """An ellipsoid, 20 pixels wide and 10 slices high."""
     index = np.stack(np.meshgrid(*map(np.arange, (50, 50, 14)), indexing="ij"), axis=-1)
     mask = np.sum(((index - (25, 25, 7)) / (20, 15, 5.2)) ** 2, axis=-1) <= 1
-    return Structure(
-        "case", "organ", Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, mask.shape), np.zeros(3, int), mask=mask
-    )
+    return structure_of(mask, (1, 1, 3))
 
 
 @pytest.fixture(scope="module")

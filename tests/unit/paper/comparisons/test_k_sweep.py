@@ -4,11 +4,11 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.known_curves import bean
+from support.shapes import curves_of, structure_of
 
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Curves, Frame
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.k_sweep import OWN, _outline, compare_k, search_chain
 from cccd_paper.comparisons.parameters import BEST_OF_GRID, CHAIN_BEST, CHAIN_GRID, LARGEST_SHARE, UNTUNED
@@ -19,10 +19,7 @@ KS = (3, 20)
 
 def trace_outline(outline):
     """The pixel chain of one filled outline."""
-    mask = rasterise([outline], (0, 0), (140, 140))[:, :, None]
-    return trace_mask(
-        Structure("a", "b", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
-    ).points
+    return curves_of(rasterise([outline], (0, 0), (140, 140))[:, :, None]).points
 
 
 @pytest.fixture(scope="module")
@@ -31,8 +28,7 @@ def rows():
     angle = 2 * np.pi * np.arange(10) / 10
     star = 70 + np.where(np.arange(10) % 2, 25, 60)[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
     mask = np.stack([rasterise([outline], (0, 0), (140, 140)) for outline in (star, bean(200))], axis=2)
-    structure = Structure("a", "b", Frame(np.eye(4), 2, mask.shape), np.zeros(3, int), mask=mask)
-    curves = trace_mask(structure)
+    structure, curves = structure_of(mask), curves_of(mask)
     return [compare_k(structure, curves, KS, SliceChoice(), seed) for seed in (1, 1, 2)]
 
 

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+from support import shapes
 
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
 from cccd.settings.boundaries import BoundarySettings
@@ -48,10 +49,7 @@ def test_links_are_kept_dropped_or_bridged():
 
 def ball():
     """A region whose image shows it, with spurs in its boundary map; the mask is the truth."""
-    offset = np.indices((60, 60, 12)) - np.array([30, 30, 5.5]).reshape(3, 1, 1, 1)
-    mask = (offset**2 * np.array([1, 1, 9]).reshape(3, 1, 1, 1)).sum(0) < 18**2
-    frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, mask.shape)
-    return Structure("a", "b", frame, np.zeros(3, int), mask=mask)
+    return shapes.structure_of(shapes.ball((60, 60, 12), (30, 30, 5.5), 18, (1, 1, 3)), (1, 1, 3))
 
 
 def spurred(structure):

@@ -9,7 +9,6 @@ from torch_geometric.data import Batch
 
 from cccd.errors import InputError
 from cccd.settings.junctions import NetworkSettings
-from cccd_junctions.checkpoint import load_model
 from cccd_junctions.delaunay import build_graph
 from cccd_networks.graphs import read_graphs
 from cccd_training.junctions import loop
@@ -195,13 +194,6 @@ def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, tm
     assert torch.allclose(grown[name][:, :-3], content["weights"][name], atol=1e-6)
     assert grown[name][:, -3:].abs().max() < 1e-6
     assert "message_layers.1.triangle_messages.weight" in grown
-
-
-def test_a_file_that_is_no_model_is_named(tmp_path):
-    path = tmp_path / "model.pt"
-    path.write_bytes(b"not a model")
-    with pytest.raises(InputError, match=r"model\.pt"):
-        load_model(path)
 
 
 def test_training_without_files_gives_the_last_epochs_weights(graphs, tmp_path):
