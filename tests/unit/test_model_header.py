@@ -1,7 +1,6 @@
 from pathlib import Path
 
 import pytest
-import torch
 
 from cccd.errors import InputError
 from cccd.settings.junctions import NetworkSettings
@@ -52,19 +51,6 @@ def test_a_file_that_is_no_model_is_named(tmp_path, content):
     for read in (read_header, load_model):
         with pytest.raises(InputError, match=r"model\.pt"):
             read(path)
-
-
-class Bomb:
-    def __reduce__(self):
-        return Path.touch, (Path("exploded"),)
-
-
-def test_reading_runs_no_code(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    torch.save({"sizes": Bomb(), "weights": {}}, tmp_path / "model.pt")
-    with pytest.raises(InputError):
-        read_header(tmp_path / "model.pt")
-    assert not (tmp_path / "exploded").exists()
 
 
 @pytest.mark.parametrize(("key", "other"), [("width", 16), ("message_layers", 1)])

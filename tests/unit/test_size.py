@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17623,
+    "scripts/cccd": 17622,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
@@ -17,7 +17,7 @@ MOST_LINES = {
     "scripts/cccd_labels": 2717,
     "scripts/cccd_meshes": 464,
     "scripts/cccd_networks": 306,
-    "scripts/cccd_paper": 9550,
+    "scripts/cccd_paper": 9542,
     "scripts/cccd_segmentation": 1708,
     "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1980,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 781,
     "scripts/cccd_workflow": 5877,
     "bench": 4709,
-    "tests": 24750,
+    "tests": 24730,
 }
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from cccd.errors import InputError
@@ -119,12 +121,7 @@ def _is_noise(mask: AnyArray) -> bool:
     if filled * mask.size < _LEAST_MASKED or not _LEAST_FILLED <= filled < 1:
         return False
     ends = borders = 0
-    for axis in range(3):
-        along = np.moveaxis(mask, axis, 0)
-        one, other = along[:-1], along[1:]
-        if axis == 2:
-            beside = np.diff(at) == 1
-            one, other = one[beside], other[beside]
+    for one, other in _neighbours(mask, at):
         ends += int(np.count_nonzero(one)) + int(np.count_nonzero(other))
         borders += int(np.count_nonzero(one != other))
     return borders > _MOST_SCATTERED * (1 - filled) * ends
@@ -141,12 +138,7 @@ def _is_grey(data: AnyArray) -> bool:
     ranks = ranks.astype(np.int32) - below  # 0 is the first label's
     alike, neighbours = np.zeros(count, np.int64), np.zeros(count, np.int64)
     borders = in_order = 0
-    for axis in range(3):
-        along = np.moveaxis(ranks, axis, 0)
-        one, other = along[:-1], along[1:]
-        if axis == 2:
-            beside = np.diff(at) == 1
-            one, other = one[beside], other[beside]
+    for one, other in _neighbours(ranks, at):
         labelled = (one >= 0) & (other >= 0)
         one, other = one[labelled], other[labelled]
         same = one == other
@@ -162,6 +154,13 @@ def _is_grey(data: AnyArray) -> bool:
         return not coherent.any()
     ramp = count >= _RAMP_VALUES and in_order >= max(_RAMP_BORDERS * borders, 1)
     return bool(coherent.mean() < _COHERENT_VALUES or ramp)
+
+
+def _neighbours(data: AnyArray, at: AnyArray) -> Iterator[tuple[AnyArray, AnyArray]]:
+    """Voxels and their next ones along each axis; ``at``: the slices, of which only neighbours are paired."""
+    for axis, beside in enumerate((slice(None), slice(None), np.diff(at) == 1)):
+        along = np.moveaxis(data, axis, 0)
+        yield along[:-1][beside], along[1:][beside]
 
 
 def _distinct(data: AnyArray) -> tuple[AnyArray, AnyArray]:

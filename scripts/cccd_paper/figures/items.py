@@ -32,7 +32,7 @@ __all__ = [
 #: Pairs of SVG (None: no data) and caption.
 Plots = list[tuple[str | None, str]]
 
-#: Thick-slice plots are drawn for so many structures; the table has them all.
+#: Plots of single structures are drawn of so many; the table has them all.
 _MOST_PANELS = 6
 
 #: Figure 12 shows so many structures.
@@ -86,6 +86,18 @@ def _on_a_slice(
     return [(svg, f"{case} / {organ}, middle slice. {caption}")]
 
 
+def _of_structures(results: Results, item: Item, looks: Looks = LOOKS, panel_inches: float = 2.1) -> Plots:
+    """Draw the slice figures of the first structures that have one."""
+    drawn: Plots = []
+    for case, organ in results.structures:
+        figure = results.figure(item, case, organ)
+        if figure is not None and len(drawn) < _MOST_PANELS:
+            caption = f"{case} / {organ}: {item.captions[0]}"
+            svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, looks, panel_inches)
+            drawn.append((svg, caption))
+    return drawn
+
+
 def figure_5(results: Results, item: Item) -> Plots:
     """Draw the paper's network, step by step."""
     return [(draw_steps(item.key, _NETWORK, item.captions[0]), item.captions[0])]
@@ -97,14 +109,8 @@ def figure_8(results: Results, item: Item) -> Plots:
 
 
 def figure_6(results: Results, item: Item) -> Plots:
-    """Draw the middle slice of the structures as it came, and its boundary."""
-    drawn: Plots = []
-    for case, organ in results.structures[:_MOST_OUTLINES]:
-        figure = results.figure(item, case, organ)
-        if figure is not None:
-            label = f"{case} / {organ}. {item.captions[0]}"
-            drawn.append((draw_slice_figure(figure, f"{item.key}-{case}-{organ}", label), label))
-    return drawn
+    """Draw the middle slice of the first structures as it came, and its boundary."""
+    return _of_structures(results, item)[:_MOST_OUTLINES]
 
 
 def figure_7(results: Results, item: Item) -> Plots:
@@ -290,26 +296,12 @@ def junctions(results: Results, item: Item) -> Plots:
 
 def map_surfaces(results: Results, item: Item) -> Plots:
     """Draw what became of the links of every structure that came as boundary maps."""
-    drawn: Plots = []
-    for case, organ in results.structures:
-        figure = results.figure(item, case, organ)
-        if figure is not None and len(drawn) < _MOST_PANELS:
-            caption = f"{case} / {organ}: {item.captions[0]}"
-            svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, MAP_LOOKS)
-            drawn.append((svg, caption))
-    return drawn
+    return _of_structures(results, item, MAP_LOOKS)
 
 
 def algorithm_1(results: Results, item: Item) -> Plots:
     """Draw the paper's surface and ours, cut across the slices."""
-    drawn: Plots = []
-    for case, organ in results.structures:
-        figure = results.figure(item, case, organ)
-        if figure is not None and len(drawn) < _MOST_PANELS:
-            caption = f"{case} / {organ}: {item.captions[0]}"
-            svg = draw_slice_figure(figure, f"{item.key}-{case}-{organ}", caption, OUTLINE_LOOKS, 3.0)
-            drawn.append((svg, caption))
-    return drawn
+    return _of_structures(results, item, OUTLINE_LOOKS, 3.0)
 
 
 def compactness(results: Results, item: Item) -> Plots:

@@ -66,12 +66,6 @@ def test_a_clean_map_is_ordered_right_even_without_a_network():
     assert report["unclosed"] == []
 
 
-def test_the_shipped_model_gives_a_clean_map_back_exactly(shipped):
-    chain = border_pixels(blob())[0]
-    curves, _ = order_boundaries(boundaries([raster_order(chain)]), shipped)
-    assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in chain}
-
-
 def sliver():
     mask = np.zeros((90, 90), np.uint8)
     cv2.ellipse(mask, (60, 45), (45, 40), 0, 130, 230, 1, 4)
