@@ -6,7 +6,7 @@ A package has a module ``plugin`` with those of these tables that it fills, dict
 table                     a row
 ========================= ========================================================================
 ``COMMANDS``              a command: `Command`
-``OPTIONS``               path of what an option of ``cccd surface`` does, by the option
+``OPTIONS``               path of what ``cccd surface`` does of an option or another input, by it
 ``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves of an input, by the input's type

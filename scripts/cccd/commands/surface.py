@@ -147,7 +147,7 @@ def _is_shape(path: Path, label: str) -> bool:
     if is_mesh(path):
         return True
     try:
-        return find(table("READERS")["planes"].read)(path, label) is not None
+        return find(table("OPTIONS")["planes"])(path, label) is not None
     except InputError:
         return path.name.lower().endswith(".csl")
 
