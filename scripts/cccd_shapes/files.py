@@ -21,7 +21,7 @@ from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
 from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
-from cccd_workflow.report.page import shared_facts, write_page
+from cccd_workflow.report.templates import shared_facts, write_page
 from cccd_workflow.report.viewer import packed, surface_figure
 
 __all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]

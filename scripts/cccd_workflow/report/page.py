@@ -1,57 +1,41 @@
 """The pages: self-contained HTML files, readable from disk, with no request to anywhere.
 
-`build_report` makes the cohort's page: results, warnings, and all else folded. Each structure has a page of
-its own (`build_structure_page`), each case whose organs share walls, too (`build_case_page`), and so has a
-comparison (`build_comparison_page`). Whatever file of the run is absent is left out.
+`build_report` makes the cohort's page: results, warnings, and all else folded. Each case whose organs share
+walls has one, too (`build_case_page`), and so has a comparison (`build_comparison_page`); each structure's is
+made where it is measured (`cccd_workflow.report.structure_view.build_structure_page`). Whatever file of the
+run is absent is left out.
 """
 
 from __future__ import annotations
 
-import functools
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import pandas as pd
-import yaml
 from markupsafe import Markup
 
 from cccd.console import duration
 from cccd.containers import View
 from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
-from cccd.store import atomic_path
-from cccd_workflow.report.facts import benchmark_table, provenance
 from cccd_workflow.report.html_tables import Table, table
 from cccd_workflow.report.numerals import number
+from cccd_workflow.report.overviews import headline_frame, kinds_of_warnings, overview, source_table
 from cccd_workflow.report.registry import Item, comparisons, items, sections
-from cccd_workflow.report.render import VIEWS, VTK_PACKAGE
-from cccd_workflow.report.results import Results, StructureFiles
-from cccd_workflow.report.slices import draw_slices
-from cccd_workflow.report.structure_view import (
-    StructureView,
-    figure_view,
-    headline_frame,
-    kinds_of_warnings,
-    overview,
-    source_table,
-    view_structure,
-)
-from cccd_workflow.report.summary import Cohort, build_tables, read_cohort
-from cccd_workflow.report.viewer import case_figure, deflate, packed, surface_figure
+from cccd_workflow.report.results import Results
+from cccd_workflow.report.structure_view import StructureView, figure_view, view_structure
+from cccd_workflow.report.summary import Cohort, benchmark_table, build_tables, read_cohort
+from cccd_workflow.report.templates import shared_facts, write_page
+from cccd_workflow.report.viewer import case_figure, packed, surface_figure
 
-__all__ = [
-    "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",
-    "build_structure_page", "shared_facts", "write_page",
-]  # fmt: skip
+__all__ = ["build_case_page", "build_comparison_page", "build_report", "build_report_of_finished"]
 
-#: Widths in pixels of a picture in a structure's page and in the cohort's.
-_PAGE_WIDTH, _THUMB_WIDTH = 900, 360
+#: Width in pixels of a picture in the cohort's page.
+_THUMB_WIDTH = 360
 
 #: Plots wider than this many CSS pixels go below the paper's text instead of next to it.
 _COLUMN_PX = 780
@@ -211,43 +195,6 @@ def _times(benchmarks: Path | None) -> dict[str, Any]:
     }
 
 
-def build_structure_page(
-    results: Path,
-    case: str,
-    organ: str,
-    config: Mapping[str, Any],
-    output: Path,
-    template_dir: Path,
-    index: Path | None = None,
-) -> None:
-    """Write the page of one structure.
-
-    Parameters
-    ----------
-    results, config, output, template_dir
-        As for `build_report`.
-    case, organ : str
-        Which structure.
-    index : path or None
-        The cohort's page, to lead back to.
-    """
-    found = Results(results, [(case, organ)])
-    view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
-    view.figure, view.slices = _figure(files), draw_slices(files)
-    back = _relative(index, output.parent) if index is not None else None
-    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **shared_facts(config)}
-    write_page(output, template_dir, "structure.html.j2", shown)
-
-
-def _figure(files: StructureFiles) -> str | None:
-    """Make the figure of a structure's surface."""
-    view, splines = files.view(), files.splines()
-    if view is None:
-        return None
-    curves = splines.sample(per_pixel=0.5) if splines is not None else None
-    return packed(surface_figure(view, files.bodies() or (), curves))
-
-
 def build_case_page(
     scene: Mapping[str, Any], meshes: Mapping[str, Mesh], template_dir: Path, output: Path
 ) -> None:
@@ -320,67 +267,8 @@ def build_comparison_page(
     )
 
 
-# The page as a whole ------------------------------------------------------------------------------------
-
-
-def shared_facts(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect what all pages need."""
-    return {
-        "run": provenance(),
-        "config": yaml.safe_dump(_plain(config), sort_keys=False, allow_unicode=True, width=100),
-        "vtk_package": VTK_PACKAGE,
-        "view_names": ", ".join(view.name for view in VIEWS),
-    }
-
-
-def write_page(output: Path, template_dir: Path, name: str, context: Mapping[str, Any]) -> None:
-    """Write a page: ``name`` is its template, ``context`` what that shows."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_dir),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "bound": _bound}
-    environment.globals["asset"] = lambda file: Markup(_text(Path(template_dir) / file))
-    environment.globals["deflated"] = lambda file: _deflated(Path(template_dir) / file)
-    with atomic_path(output) as temporary:
-        temporary.write_text(environment.get_template(name).render(context), encoding="utf-8")
-
-
-def _text(file: Path) -> str:
-    """Text of a file, without comments: these are for those who read the source, not for every page."""
-    lines = (line.rstrip() for line in file.read_text(encoding="utf-8").splitlines())
-    return "\n".join(line for line in lines if not line.lstrip().startswith("// "))
-
-
-@functools.cache
-def _deflated(file: Path) -> str:
-    return deflate(file.read_text(encoding="utf-8"))
-
-
-def _bound(text: str) -> str:
-    """Keep a number and its unit, and both sides of ``k = 3``, on one line."""
-    text = re.sub(r"(?<=\d) (?=(%|mm|ms|s|[kM]?B|KB|points)\b|%)", "\u00a0", text)
-    return re.sub(r"\b([kn]) = (?=\d)", "\\1\u00a0=\u00a0", text)
-
-
 def _markup(svg: str | None) -> Markup | None:
     return None if svg is None else Markup(svg)
-
-
-def _plain(value: Any) -> Any:
-    """Copy as plain values, so that YAML writes no Python tags."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def _distance_table(results: Results) -> Table | None:

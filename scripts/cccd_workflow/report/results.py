@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cccd import store
 from cccd.containers import SliceFigure
 from cccd_workflow.report.registry import Comparison, Item
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["Results", "StructureFiles"]
 
@@ -94,9 +95,13 @@ class Results:
     ):
         self.folder = folder
         self.structures = structures
-        self.history = store.read_table(folder / "gnn" / "history.csv")
         self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
         self._rows: dict[str, pd.DataFrame | None] = {}
+
+    @property
+    def history(self) -> pd.DataFrame | None:
+        """Read the scores of each epoch of the junctions' network."""
+        return store.read_table(self.folder / "gnn" / "history.csv")
 
     def files(self, case: str, organ: str) -> StructureFiles:
         """Find one structure's files."""
@@ -112,6 +117,8 @@ class Results:
     def rows(self, comparison: Comparison) -> pd.DataFrame | None:
         """Read the rows of a comparison of all structures; None also where its columns are not all there."""
         if comparison.name not in self._rows:
+            import pandas as pd  # slow to load, and a structure's page has no tables
+
             parts = [self.files(*key).rows(comparison.name) for key in self.structures]
             parts = [part for part in parts if part is not None]
             frame = pd.concat(parts, ignore_index=True) if parts else None

@@ -16,13 +16,13 @@ from support.sample_results import make_metrics, write_run
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
 from cccd_workflow.report import svg
-from cccd_workflow.report.facts import benchmark_table
 from cccd_workflow.report.html_tables import table
 from cccd_workflow.report.numerals import number
-from cccd_workflow.report.page import build_report, build_structure_page
+from cccd_workflow.report.overviews import kinds_of_warnings
+from cccd_workflow.report.page import build_report
 from cccd_workflow.report.registry import items
-from cccd_workflow.report.structure_view import figure_view, kinds_of_warnings
-from cccd_workflow.report.summary import build_tables, read_cohort
+from cccd_workflow.report.structure_view import build_structure_page, figure_view
+from cccd_workflow.report.summary import benchmark_table, build_tables, read_cohort
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "compare": "auto"}

@@ -6,7 +6,7 @@ import trimesh
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
-from cccd_workflow.view import reference_surface
+from cccd_workflow.view import reference_surface, voxel_surface
 
 
 def sphere(radius, subdivisions=5):
@@ -28,11 +28,11 @@ def test_reference_is_the_truth_where_there_is_one():
     frame = Frame(np.eye(4), 2, (9, 9, 9))
     mask = np.zeros((9, 9, 9), bool)
     mask[2:7, 2:7, 2:7] = True
-    voxels, name = reference_surface(Structure("a", "b", frame, np.zeros(3, int), mask=mask))
-    assert "mask" in name
+    voxels = voxel_surface(Structure("a", "b", frame, np.zeros(3, int), mask=mask))
     # half a voxel is cut off along 12 edges, and another pyramid at 8 corners
     assert volume(voxels) == pytest.approx(5**3 - 12 * 4 / 8 - 8 * (1 / 8 - 1 / 48))
     truth = sphere(3.0, 2)
     known = Structure("a", "b", frame, np.zeros(3, int), mask=mask, truth=truth)
-    assert reference_surface(known)[1] == "the analytic surface"
-    assert reference_surface(Structure("a", "b", frame, np.zeros(3, int))) is None
+    assert reference_surface(known, voxels)[1] == "the analytic surface"
+    nothing = Structure("a", "b", frame, np.zeros(3, int))
+    assert reference_surface(nothing, voxel_surface(nothing)) is None
