@@ -24,7 +24,7 @@ import pandas as pd
 from settings_pages import Key, keys
 
 from cccd.containers import Curves
-from cccd.curves import fit_splines, sample_splines
+from cccd.curves.fitting import fit_splines, sample_splines
 from cccd.curves.measures import area_scores, distances
 from cccd.errors import InputError
 from cccd.settings.root import Settings

@@ -17,13 +17,13 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Panel, SliceFigure, Splines, Structure
-from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.metrics import dice
-from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, measure_agreement
+from cccd.surface.surface import LoftedSurface
 from cccd_paper.comparisons.orderers import Orderer, load_orderers
 from cccd_paper.comparisons.tensor_product_loft import TUNED, loft_splines
 from cccd_paper.comparisons.tuning import SAMPLES

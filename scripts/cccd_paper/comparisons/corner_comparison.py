@@ -11,8 +11,8 @@ import pandas as pd
 
 from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
-from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.settings.curves import CurveSettings

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cccd.containers import Curves
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.curves.knots import FEWEST
 from cccd.curves.measures import window_of
 from cccd.geometry.arrays import sum_per_part

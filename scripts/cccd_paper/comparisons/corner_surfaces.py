@@ -10,13 +10,13 @@ import pandas as pd
 from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
-from cccd.curves import corner_splines, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.measure import Reference, measure_agreement
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.orderers import Orderer

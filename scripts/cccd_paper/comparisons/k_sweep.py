@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Panel, SliceFigure, Structure
-from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise

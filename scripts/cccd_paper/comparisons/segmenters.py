@@ -26,8 +26,9 @@ from cccd.containers import (
     SliceFigure,
     Structure,
 )
-from cccd.curves import corner_splines, describe_curves, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.describe import describe_curves
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray

@@ -11,12 +11,12 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
-from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.measure import voxel_dice
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries

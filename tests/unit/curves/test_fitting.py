@@ -10,9 +10,16 @@ from scipy import ndimage
 from scipy.interpolate import BSpline
 
 from cccd.containers import Frame
-from cccd.curves import corner_splines, describe_curves, fit_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import _along_curve, _along_reference, fit_checked
+from cccd.curves.describe import describe_curves
+from cccd.curves.fitting import (
+    _along_curve,
+    _along_reference,
+    corner_splines,
+    fit_checked,
+    fit_splines,
+    sample_splines,
+)
 from cccd.curves.knots import reference
 from cccd.curves.measures import area_scores, distances
 from cccd.geometry.polygons import RaggedPolygons

@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves
-from cccd.curves import describe_curves, fit_splines, measure_curves, sample_splines
-from cccd.curves.measures import area_scores, bytes_per_slice, distances
+from cccd.curves.describe import describe_curves
+from cccd.curves.fitting import fit_splines, sample_splines
+from cccd.curves.measures import area_scores, bytes_per_slice, distances, measure_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack

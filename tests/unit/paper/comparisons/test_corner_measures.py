@@ -2,8 +2,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import k_cosine_corners
+from cccd.curves.fitting import corner_splines, sample_splines
 from cccd.metrics import dice
 from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.repeatability import repeatability
