@@ -13,13 +13,15 @@ import scipy
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, owners_of, split_ragged
-from cccd.geometry.opencv import borders_of
+from cccd.geometry.opencv import borders_of, components
 from cccd.geometry.polygons import RaggedPolygons
 
 __all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
 
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
+#: Steps (27, 3) to a voxel and its neighbours.
+_BLOCK = np.indices((3, 3, 3)).reshape(3, -1).T - 1
 
 
 def trace_mask(structure: Structure) -> Curves:
@@ -187,29 +189,37 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
         any slice; ``part_voxels``: their voxels; ``voxels``: the mask's.
     """
     missing = mask & ~curves.rasterise(origin, mask.shape)
-    in_plane = np.zeros((3, 3, 3), bool)
-    in_plane[1] = True
-    labels, count = scipy.ndimage.label(mask, structure=in_plane)
-    size = np.bincount(labels.ravel(), minlength=count + 1)
-    lost = np.bincount(labels[missing], minlength=count + 1)
-    whole = (lost == size) & (lost > 0)
-    parts = _wholly_missing(mask, missing) if whole.any() else np.zeros(0, int)
+    small, spurs = np.zeros_like(mask), 0
+    sizes: list[int] = []
+    for k in np.flatnonzero(missing.any(axis=(1, 2))):
+        labels, size = components(np.asarray(mask[k], np.uint8), connectivity=8)
+        lost = np.bincount(labels[missing[k]], minlength=len(size))
+        whole = (lost == size) & (lost > 0)
+        small[k] = whole[labels]
+        sizes += size[whole].tolist()
+        spurs += int(lost[~whole].sum())
+    parts = _apart(small, mask & ~small)
     return {
-        "components": int(whole.sum()),
-        "component_pixels": int(size[whole].sum()),
-        "spur_pixels": int(lost[~whole].sum()),
+        "components": len(sizes),
+        "component_pixels": sum(sizes),
+        "spur_pixels": spurs,
         "parts": len(parts),
         "part_voxels": int(parts.sum()),
-        "voxels": int(size[1:].sum()),
+        "voxels": int(np.count_nonzero(mask)),
     }
 
 
-def _wholly_missing(mask: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """Voxels (P,) of each part of a mask (S, I, J) whose voxels are all missing."""
-    labels, count = scipy.ndimage.label(mask, structure=np.ones((3, 3, 3), bool))
-    size = np.bincount(labels[mask], minlength=count + 1)
-    lost = np.bincount(labels[missing], minlength=count + 1)
-    return size[(lost == size) & (lost > 0)]
+def _apart(small: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Voxels (P,) of each part (26-connected) of small components (S, I, J) that touches nothing kept."""
+    kept, at = np.pad(kept, 1), np.argwhere(small) + 1
+    while len(at):
+        near = kept[tuple((at[:, None] + _BLOCK).transpose(2, 0, 1))].any(axis=1)
+        if not near.any():
+            labels = scipy.ndimage.label(small & ~kept[1:-1, 1:-1, 1:-1], structure=np.ones((3, 3, 3)))[0]
+            return np.bincount(labels.ravel())[1:]
+        kept[tuple(at[near].T)] = True  # what touches it belongs to the same part
+        at = at[~near]
+    return np.zeros(0, int)
 
 
 def zero_contours(plane: RealArray) -> list[FloatArray]:

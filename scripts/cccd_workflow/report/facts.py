@@ -62,18 +62,9 @@ def provenance() -> Provenance:
 
 def _commit(folder: Path) -> str:
     """Name the git commit of the code, with a word when files were edited since."""
-
-    def git(*arguments: str) -> str | None:
-        try:
-            done = subprocess.run(
-                ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=True
-            )
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return done.stdout.strip()
-
-    commit = git("rev-parse", "--short=12", "HEAD")
-    if not commit:
+    command = ["git", "-C", str(folder), "describe", "--always", "--abbrev=12", "--exclude=*"]
+    command += ["--dirty= with uncommitted changes"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
         return "not from a git checkout"
-    edited = git("status", "--porcelain", "--untracked-files=no", "--", ":/")
-    return f"{commit} with uncommitted changes" if edited else commit

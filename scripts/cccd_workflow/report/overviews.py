@@ -35,7 +35,7 @@ def overview(views: Sequence[StructureView]) -> Table | None:
         if view.metrics
     ]
     links = [view.link for view in views if view.metrics]
-    return table("overview", pd.DataFrame(rows), links) if rows else None
+    return table("overview", pd.DataFrame(rows), links)
 
 
 def _size(view: StructureView) -> str | None:
@@ -73,7 +73,7 @@ def kinds_of_warnings(views: Sequence[StructureView]) -> list[WarningKind]:
 def source_table(views: Sequence[StructureView]) -> Table | None:
     """List every input file with its checksum; None where none was recorded."""
     rows = [{"structure": view.name, **source} for view in views for source in view.sources]
-    return table("inputs", pd.DataFrame(rows)) if rows else None
+    return table("inputs", pd.DataFrame(rows))
 
 
 def headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:

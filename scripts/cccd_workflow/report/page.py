@@ -108,7 +108,7 @@ def build_report(
             "measured": overview(views),
             "charts": _charts(views),
             "kinds": kinds_of_warnings(views),
-            "distances": _distance_table(found),
+            "distances": table("distances", found.table("distances")),
             "whole_cases": [case for case in cases if (results / case / "scene.html").is_file()],
             "sections": _sections(found),
             "sources": source_table(views),
@@ -175,8 +175,8 @@ def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
 
     history = results.history
     return {
-        "history": table("history", history) if history is not None else None,
-        "learning": _markup(plots.learning_curve(history)) if history is not None else None,
+        "history": table("history", history),
+        "learning": None if history is None else Markup(plots.learning_curve(history) or ""),
         "training": _training_facts(results, config),
     }
 
@@ -267,38 +267,31 @@ def build_comparison_page(
     )
 
 
-def _markup(svg: str | None) -> Markup | None:
-    return None if svg is None else Markup(svg)
-
-
-def _distance_table(results: Results) -> Table | None:
-    """Show ``tables/distances.csv``, where any organs of a case lie near each other."""
-    frame = results.table("distances")
-    return None if frame is None else table("distances", frame)
-
-
 # Tables and figures -------------------------------------------------------------------------------------
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
     """Collect every section of items: anchor, title, introduction, and those items that were made."""
-    views = [_item_view(item, results) for item in items() if item.section != "summary"]
-    compared = any(view.item.needed and view.table for view in views)
-    shown = [view for view in views if view.table or (compared and view.figures)]
-    if not compared:  # what else there is describes the paper's tables
-        shown = [view for view in shown if view.item.network]
+    made = [
+        (item, results.table(item.table) if item.table is not None else None)
+        for item in items()
+        if item.section != "summary"
+    ]
+    if not any(item.needed and frame is not None for item, frame in made):
+        # nothing was compared: what else there is describes the paper's tables, and is not drawn
+        made = [(item, frame) for item, frame in made if item.network and frame is not None]
+    views = [view for view in (_item_view(*pair, results) for pair in made) if view.table or view.figures]
     found = [
-        (key, title, text, [view for view in shown if view.item.section == key])
+        (key, title, text, [view for view in views if view.item.section == key])
         for key, (title, text) in sections().items()
     ]
     return [section for section in found if section[3]]
 
 
-def _item_view(item: Item, results: Results) -> ItemView:
-    shown = results.table(item.table) if item.table is not None else None
+def _item_view(item: Item, frame: pd.DataFrame | None, results: Results) -> ItemView:
     return ItemView(
         item,
-        table(item.table, shown) if item.table is not None and shown is not None else None,
+        table(item.table or "", frame),
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in _draw(item, results)],
     )
 

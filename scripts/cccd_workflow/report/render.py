@@ -121,10 +121,7 @@ def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
 
 
 def _draw_with_vtk(ply_path: str, raw_path: str, pixels: int) -> None:
-    """Draw three turned copies of the mesh in one scene: bytes of red, green, blue and alpha, from below.
-
-    Without PyVista, which is slow to load.
-    """
+    """Draw three turned copies of the mesh in one scene, as red, green, blue and alpha from below."""
     from vtkmodules import vtkRenderingCore, vtkRenderingOpenGL2  # noqa: F401
     from vtkmodules.vtkCommonTransforms import vtkTransform
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
@@ -144,7 +141,7 @@ def _draw_with_vtk(ply_path: str, raw_path: str, pixels: int) -> None:
         placed[:3, :3] = np.cross(view.up, view.towards), view.up, view.towards
         placed[:3, 3] = [2 * half * (column - 1), 0, 0] - placed[:3, :3] @ bounds.mean(axis=1)
         turned.SetMatrix(placed.ravel().tolist())
-        shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12)
+        shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12, backface_culling=True)
         renderer.AddActor(vtk.vtkActor(mapper=mapper, user_transform=turned, property=shade))
     renderer.active_camera.parallel_projection = True
     renderer.ResetCamera()

@@ -136,10 +136,8 @@ class Results:
 
     def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
         """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""
-        livers_first = sorted(self.structures, key=lambda key: key[1] != "liver")
-        for case, organ in livers_first:
-            figure = self.figure(item, case, organ)
-            if figure is not None:
+        for case, organ in sorted(self.structures, key=lambda key: key[1] != "liver"):
+            if (figure := self.figure(item, case, organ)) is not None:
                 return case, organ, figure
         return None
 

@@ -8,7 +8,7 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -41,12 +41,12 @@ class StructureView:
     metrics: dict[str, Any]
     headlines: list[dict[str, str]]
     warnings: list[str]
-    picture: str | None
-    renderer: str | None
-    link: str
-    sources: list[dict[str, Any]]
-    provenance: str | None
-    grid: str | None
+    picture: str | None = None
+    renderer: str | None = None
+    link: str = ""
+    sources: list[dict[str, Any]] = field(default_factory=list)
+    provenance: str | None = None
+    grid: str | None = None
     figure: str | None = None
     slices: SliceSheet | None = None
 
@@ -102,7 +102,7 @@ def build_structure_page(
     found = Results(results, [(case, organ)])
     view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
     view.figure, view.slices = _figure(files), draw_slices(files)
-    back = _relative(index, output.parent) if index is not None else None
+    back = Path(os.path.relpath(index, output.parent)).as_posix() if index is not None else None
     shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **shared_facts(config)}
     write_page(output, template_dir, "structure.html.j2", shown)
 
@@ -114,10 +114,6 @@ def _figure(files: StructureFiles) -> str | None:
         return None
     curves = splines.sample(per_pixel=0.5) if splines is not None else None
     return packed(surface_figure(view, files.bodies() or (), curves))
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()
 
 
 def view_structure(results: Results, case: str, organ: str, width: int | None) -> StructureView:
@@ -155,12 +151,6 @@ def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureVi
         metrics={key: value for key, value in figures.items() if value is not None},
         headlines=[],
         warnings=list(figures.get("notes", [])),
-        picture=None,
-        renderer=None,
-        link="",
-        sources=[],
-        provenance=None,
-        grid=None,
     )
 
 

@@ -113,9 +113,6 @@ def structures(cohort: Cohort) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])
 
 
-# Tables out of Snakemake's benchmarks ------------------------------------------------------------------
-
-
 def benchmark_table(folder: Path | None) -> pd.DataFrame | None:
     """Time and memory per rule from Snakemake's benchmark files; None when there are none.
 

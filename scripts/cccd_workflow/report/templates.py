@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -41,8 +40,8 @@ def write_page(output: Path, template_dir: Path, name: str, context: Mapping[str
         lstrip_blocks=True,
     )
     environment.filters |= {"number": number, "bound": _bound}
-    environment.globals["asset"] = lambda file: Markup(_text(Path(template_dir) / file))
-    environment.globals["deflated"] = lambda file: _deflated(Path(template_dir) / file)
+    environment.globals["asset"] = lambda file: Markup(_text(template_dir / file))
+    environment.globals["deflated"] = lambda file: deflate((template_dir / file).read_text("utf-8"))
     with atomic_path(output) as temporary:
         temporary.write_text(environment.get_template(name).render(context), encoding="utf-8")
 
@@ -51,11 +50,6 @@ def _text(file: Path) -> str:
     """Text of a file, without comments: these are for those who read the source, not for every page."""
     lines = (line.rstrip() for line in file.read_text(encoding="utf-8").splitlines())
     return "\n".join(line for line in lines if not line.lstrip().startswith("// "))
-
-
-@functools.cache
-def _deflated(file: Path) -> str:
-    return deflate(file.read_text(encoding="utf-8"))
 
 
 def _bound(text: str) -> str:

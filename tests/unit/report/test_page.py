@@ -15,7 +15,7 @@ from support.sample_results import make_metrics, write_run
 
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
-from cccd_workflow.report import svg
+from cccd_workflow.report import page, svg
 from cccd_workflow.report.html_tables import table
 from cccd_workflow.report.numerals import number
 from cccd_workflow.report.overviews import kinds_of_warnings
@@ -141,7 +141,8 @@ def shown(text):
     return re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL)
 
 
-def test_without_comparisons_no_word_of_the_paper(plain):
+def test_without_comparisons_no_word_of_the_paper(plain, monkeypatch):
+    monkeypatch.setattr(page, "_draw", lambda item, _: pytest.fail(f"{item.key} is drawn for nobody"))
     text = shown(build(plain, STRUCTURES))
     assert "Dice with the mask" in text
     assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", text)
