@@ -332,7 +332,7 @@ class Surface:
         InputError
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
-        surface = _given(settings).surface
+        surface = _checked_settings(settings).surface
         on_scan = format_of(path) in {"nii.gz", "dcm", "seg.dcm"}
         lofted = self.given if on_scan and self.given is not None else self.lofted
         options = ExportOptions(
@@ -432,7 +432,7 @@ def read(
     labels : what a file contains.
     reconstruct : the surface of the result.
     """
-    settings = _given(settings)
+    settings = _checked_settings(settings)
     with needing("cccd.read"):
         request = request_for(
             path,
@@ -446,7 +446,7 @@ def read(
         return _warned(read_request(request, settings.import_, settings.seed), 2)
 
 
-def _given(settings: Settings | None) -> Settings:
+def _checked_settings(settings: Settings | None) -> Settings:
     """Return settings as they were given, the default ones where there are none."""
     if isinstance(settings, Settings | None):
         return settings or _DEFAULTS
@@ -512,7 +512,7 @@ def reconstruct(
     >>> surface.mesh.is_watertight, bool(abs(surface.volume / (2 * ball.sum()) - 1) < 0.01)
     (True, True)
     """
-    settings = _given(settings)
+    settings = _checked_settings(settings)
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
@@ -595,7 +595,7 @@ def smooth_mesh(
         structure_of_planes,
     )
 
-    settings, path = _given(settings), Path(path)
+    settings, path = _checked_settings(settings), Path(path)
     tell = progress or (lambda step: None)
     tell("contours")
     planes = drawn_planes(existing(path.absolute(), path.name), label)
@@ -669,7 +669,7 @@ def fit_contours(
 
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))
-    return describe_curves(contours, _given(settings).curves)
+    return describe_curves(contours, _checked_settings(settings).curves)
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
@@ -726,7 +726,7 @@ def order(
     InputError
         No map encloses a region.
     """
-    settings = _given(settings)
+    settings = _checked_settings(settings)
     maps = np.asarray(boundary_map) != 0
     grey = None if image is None else np.asarray(image, np.float32)
     if maps.ndim == 2:

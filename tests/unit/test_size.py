@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 19736,
+    "scripts/cccd": 19749,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1777,
     "scripts/cccd_dicom": 1323,
@@ -22,7 +22,7 @@ MOST_LINES = {
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1914,
-    "scripts/cccd_workflow": 5965,
+    "scripts/cccd_workflow": 5974,
     "bench": 4709,
     "tests": 24897,
 }

@@ -186,12 +186,10 @@ def _times(benchmarks: Path | None) -> dict[str, Any]:
     from cccd_workflow.report import plots
 
     times = benchmark_table(benchmarks)
-    if times is None:
-        return {"times": None, "times_plot": None, "total_time": None}
     return {
         "times": table("rule_times", times),
-        "times_plot": Markup(plots.rule_times(times)),
-        "total_time": duration(float(times["total_s"].sum())),
+        "times_plot": None if times is None else Markup(plots.rule_times(times)),
+        "total_time": None if times is None else duration(float(times["total_s"].sum())),
     }
 
 

@@ -72,7 +72,7 @@ class StructureFiles:
     def figure(self, comparison: str, key: str) -> SliceFigure | None:
         """Read what a comparison left for a figure."""
         file = self.folder / "comparisons" / f"{comparison}.h5"
-        return store.read_figure(file, key) if file.is_file() else None
+        return _if_there(lambda path: store.read_figure(path, key), file)
 
 
 class Results:

@@ -121,10 +121,9 @@ def view_structure(results: Results, case: str, organ: str, width: int | None) -
     files = results.files(case, organ)
     metrics = files.metrics() or {}
     pictured = width if width is not None and files.picture.is_file() else 0
-    read = files.facts()
-    frame, facts, noticed = read if read is not None else (None, {}, [])
+    frame, facts, noticed = files.facts() or (None, {}, [])
     warnings = metrics.get("warnings") or noticed
-    if read is None:
+    if frame is None:
         warnings = [*warnings, "No structure.h5: this structure was not imported."]
     return StructureView(
         case=case,

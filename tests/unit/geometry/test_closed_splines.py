@@ -3,16 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
+from support.known_curves import random_spline
 
 from cccd.geometry import closed_splines
-
-
-def random_spline(seed, count, repeated=False):
-    rng = np.random.default_rng(seed)
-    breaks = np.sort(rng.uniform(0, 10, count))
-    if repeated:
-        breaks[1:3] = breaks[0]
-    return closed_splines.extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
 
 
 @settings(max_examples=40, deadline=None)
