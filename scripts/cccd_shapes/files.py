@@ -106,16 +106,14 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
     with atomic_path(path) as part, h5py.File(part, "w", track_order=True) as file:
         for name, values in arrays.items():
             file.create_dataset(name, data=values, compression="gzip", track_times=False)
-        for name, value in attributes.items():
-            file.attrs[name] = value
+        file.attrs.update(attributes)
 
 
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
     """Write a page with a slider for each of the first modes: it needs no server."""
     matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
-    moves = [
-        (matrix @ (size * mode)).T for size, mode in zip(model.deviations, model.modes[:count], strict=False)
-    ]
+    sizes = model.deviations[:count, None, None]
+    moves = [(matrix @ mode).T for mode in sizes * model.modes[:count]]
     figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
     del figure["layout"]["updatemenus"]
     data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}
