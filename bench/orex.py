@@ -27,7 +27,7 @@ from cccd.containers import Curves, Frame, Sections, Structure
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.settings import IsosurfaceSettings

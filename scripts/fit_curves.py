@@ -1,6 +1,6 @@
 """Describe every contour by few points: chain codes, corners and closed splines."""
 
-from cccd.curves import describe_curves
+from cccd.curves.describe import describe_curves
 from cccd.settings.curves import CurveSettings
 from cccd.store import read_curves, write_curves
 from cccd_workflow.job import job

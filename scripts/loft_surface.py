@@ -2,7 +2,7 @@
 
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_sections
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import write_files
 from cccd_workflow.job import job
 

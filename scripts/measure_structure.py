@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 from cccd.contours import doubtful_slices
-from cccd.curves import measure_curves
+from cccd.curves.measures import measure_curves
 from cccd.store import (
     read_boundaries,
     read_curves,
@@ -14,13 +14,12 @@ from cccd.store import (
     read_structure,
     write_json,
 )
-from cccd.surface.checks import check_walls
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
 from cccd_viewers.page_files import write_view
 from cccd_workflow.job import job
-from cccd_workflow.report.page import build_structure_page
 from cccd_workflow.report.render import render_surface
+from cccd_workflow.report.structure_view import build_structure_page
 from cccd_workflow.view import make_view
 
 #: Slices to annotate next that are named.
@@ -46,7 +45,6 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
             *doubtful_slices(ordering),
             *fitting["warnings"],
             *surface.report["warnings"],
-            *([] if surface.bodies else check_walls(surface.mesh, structure)),
             *volume_warnings(figures),
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],

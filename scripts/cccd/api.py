@@ -583,7 +583,7 @@ def fit_contours(
     >>> len(fitted.splines.control_points) < 30
     True
     """
-    from cccd.curves import describe_curves
+    from cccd.curves.describe import describe_curves
 
     if not isinstance(contours, Curves):
         contours = _one_slice(contours, np.eye(4) if affine is None else np.asarray(affine, float))

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, split_ragged
+from cccd.geometry.closed_splines import sample_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
@@ -459,12 +460,10 @@ class Splines:
             strict=True,
         )
 
-    def sample(self, per_pixel: float) -> Curves:
+    def sample(self, per_pixel: float = 2.0) -> Curves:
         """Draw them as closed polygons: so many points per pixel of control polygon, 4 per control point."""
         length = RaggedPolygons(self.control_points, self.offsets).lengths
         counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)
-        from cccd.geometry.closed_splines import sample_ragged  # loads a compiler
-
         points = sample_ragged(self.control_points, self.offsets, self.knots, counts)
         return Curves(points, offsets_of(counts), self.slice, self.hole, self.frame)
 

@@ -37,18 +37,23 @@ def dicom_modality(path: Path) -> str | None:
     InputError
         It is DICOM, and pydicom is not installed.
     """
+    return (_header(path, "Modality") or {}).get("Modality")
+
+
+def _header(path: Path, *keywords: str) -> dict[str, str] | None:
+    """Read values of a DICOM file's header, empty where it has none; None for any other file."""
     try:
         with path.open("rb") as file:
             if file.read(_PREAMBLE + len(_MAGIC))[_PREAMBLE:] != _MAGIC:
                 return None
         import pydicom
 
-        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
-        return str(header.get("Modality", ""))
+        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=list(keywords))
+        return {keyword: str(header.get(keyword, "")) for keyword in keywords}
     except ModuleNotFoundError as error:
         raise missing_extra(error, path.name) from None
     except Exception:  # pydicom raises whatever its parser meets
-        return ""
+        return dict.fromkeys(keywords, "")
 
 
 def object_in(path: Path) -> Path:
@@ -88,24 +93,20 @@ def referenced_series(path: Path) -> str:
 
 def lies_in_its_series(path: Path) -> bool:
     """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
-    if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
+    header = _header(path, "Modality", "FrameOfReferenceUID")
+    if header is None or header["Modality"] not in ("SEG", "RTSTRUCT"):
         return False
-    own = {referenced_series(path), _uid(path, "FrameOfReferenceUID")} - {""}
+    own = {referenced_series(path), header["FrameOfReferenceUID"]} - {""}
     return bool(own) and any(_series_of(file) in own for file in path.parent.iterdir() if file != path)
 
 
 def _series_of(path: Path) -> str:
     """UID of an image's series, or of its frame of reference where anonymising has taken that."""
-    if not path.is_file() or dicom_modality(path) in (None, "", "SEG", "RTSTRUCT"):
+    uids = "SeriesInstanceUID", "FrameOfReferenceUID"
+    header = _header(path, "Modality", *uids) if path.is_file() else None
+    if header is None or header["Modality"] in ("", "SEG", "RTSTRUCT"):
         return ""
-    return _uid(path, "SeriesInstanceUID") or _uid(path, "FrameOfReferenceUID")
-
-
-def _uid(path: Path, keyword: str) -> str:
-    """Read a UID from the header of a DICOM file, empty where it has none."""
-    import pydicom
-
-    return str(pydicom.dcmread(path, stop_before_pixels=True, specific_tags=[keyword]).get(keyword, ""))
+    return header[uids[0]] or header[uids[1]]
 
 
 def holds_contours(path: Path) -> bool:

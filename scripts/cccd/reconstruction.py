@@ -11,7 +11,8 @@ from cccd.plugins import table
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.junctions import InferenceSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import LoftedSurface, loft_surface
+from cccd.surface.loft import loft_surface
+from cccd.surface.surface import LoftedSurface
 
 __all__ = ["find_contours", "loft_sections", "reconstruct_mask"]
 
@@ -63,7 +64,7 @@ def loft_sections(
     tell("surface")
     surface = loft_surface(sections, lofting)
     if sections.mask is None:
-        from cccd.curves import crossed_warnings, self_crossed_warnings
+        from cccd.curves.describe import crossed_warnings, self_crossed_warnings
 
         wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
         surface.report["warnings"] = [*wrong, *surface.report["warnings"]]

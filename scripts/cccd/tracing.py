@@ -12,14 +12,16 @@ import numpy as np
 import scipy
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
-from cccd.geometry.arrays import FloatArray, IntArray, RealArray, concatenate_ragged, owners_of, split_ragged
-from cccd.geometry.opencv import borders_of
+from cccd.geometry.arrays import FloatArray, RealArray, concatenate_ragged, owners_of, split_ragged
+from cccd.geometry.opencv import borders_of, components
 from cccd.geometry.polygons import RaggedPolygons
 
 __all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
 
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
+#: Steps (27, 3) to a voxel and its neighbours.
+_BLOCK = np.indices((3, 3, 3)).reshape(3, -1).T - 1
 
 
 def trace_mask(structure: Structure) -> Curves:
@@ -187,28 +189,37 @@ def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curve
         any slice; ``part_voxels``: their voxels; ``voxels``: the mask's.
     """
     missing = mask & ~curves.rasterise(origin, mask.shape)
-    in_plane = np.zeros((3, 3, 3), bool)
-    in_plane[1] = True
-    size, lost = _lost_of_parts(mask, missing, in_plane)
-    whole, parts = lost == size, np.zeros(0, int)
-    if whole.any():
-        sizes, gone = _lost_of_parts(mask, missing, np.ones((3, 3, 3), bool))
-        parts = sizes[gone == sizes]
+    small, spurs = np.zeros_like(mask), 0
+    sizes: list[int] = []
+    for k in np.flatnonzero(missing.any(axis=(1, 2))):
+        labels, size = components(np.asarray(mask[k], np.uint8), connectivity=8)
+        lost = np.bincount(labels[missing[k]], minlength=len(size))
+        whole = (lost == size) & (lost > 0)
+        small[k] = whole[labels]
+        sizes += size[whole].tolist()
+        spurs += int(lost[~whole].sum())
+    parts = _apart(small, mask & ~small)
     return {
-        "components": int(whole.sum()),
-        "component_pixels": int(size[whole].sum()),
-        "spur_pixels": int(lost[~whole].sum()),
+        "components": len(sizes),
+        "component_pixels": sum(sizes),
+        "spur_pixels": spurs,
         "parts": len(parts),
         "part_voxels": int(parts.sum()),
-        "voxels": int(size.sum()),
+        "voxels": int(np.count_nonzero(mask)),
     }
 
 
-def _lost_of_parts(mask: np.ndarray, missing: np.ndarray, structure: np.ndarray) -> tuple[IntArray, IntArray]:
-    """Voxels (P,) of each part of a mask (S, I, J), and how many of them are missing."""
-    labels, count = scipy.ndimage.label(mask, structure)
-    size, lost = (np.bincount(labels[of], minlength=count + 1)[1:] for of in (mask, missing))
-    return size, lost
+def _apart(small: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Voxels (P,) of each part (26-connected) of small components (S, I, J) that touches nothing kept."""
+    kept, at = np.pad(kept, 1), np.argwhere(small) + 1
+    while len(at):
+        near = kept[tuple((at[:, None] + _BLOCK).transpose(2, 0, 1))].any(axis=1)
+        if not near.any():
+            labels = scipy.ndimage.label(small & ~kept[1:-1, 1:-1, 1:-1], structure=np.ones((3, 3, 3)))[0]
+            return np.bincount(labels.ravel())[1:]
+        kept[tuple(at[near].T)] = True  # what touches it belongs to the same part
+        at = at[~near]
+    return np.zeros(0, int)
 
 
 def zero_contours(plane: RealArray) -> list[FloatArray]:

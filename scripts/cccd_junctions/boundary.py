@@ -153,8 +153,7 @@ def edge_map(image: np.ndarray, region: np.ndarray | None, settings: BoundarySet
         return np.zeros(image.shape, bool)
     upper = np.quantile(gradients, settings.edge_quantile)
     candidates = ridge > _HYSTERESIS * upper
-    in_plane = np.zeros((3, 3, 3), bool)
-    in_plane[1] = True
+    in_plane = [[[0] * 3] * 3, [[1] * 3] * 3, [[0] * 3] * 3]
     labels, count = scipy.ndimage.label(candidates, structure=in_plane)
     strong = np.zeros(count + 1, bool)
     strong[labels[ridge > upper]] = True
@@ -182,7 +181,8 @@ def _band_around(region: np.ndarray, dilations: int) -> np.ndarray:
 
 def _dilate(stack: np.ndarray) -> np.ndarray:
     """Dilate each slice by the square kernel."""
-    return scipy.ndimage.maximum_filter(stack, (1, KERNEL, KERNEL))
+    grown = [cv2.dilate(layer, np.ones((KERNEL, KERNEL), np.uint8)) for layer in stack.view(np.uint8)]
+    return np.reshape(grown, stack.shape).astype(bool)
 
 
 def gradient_ridges(image: np.ndarray, blur_px: float) -> tuple[np.ndarray, np.ndarray]:

@@ -62,14 +62,15 @@ class Cohort:
         problems = [problem_of(fit, one.tolerance) for fit, one in zip(fits, subjects, strict=True)]
         if problems.count("") >= FEWEST:
             problems = _unlike(fits, template, problems)
-        if problems.count("") < FEWEST:
-            one, problem = next((s.name, p) for s, p in zip(subjects, problems, strict=True) if p)
-            raise InputError(
-                one,
-                f"{problem}; only {problems.count('')} of {len(fits)} subjects fit",
-                "check that all are the same organ, or use more --points or a larger --tolerance",
-            )
-        return cls(subjects, fits, template, problems)
+        return cls(subjects, fits, template, problems).checked()
+
+    def checked(self) -> Cohort:
+        """Refuse a cohort of which fewer than three subjects fit."""
+        if len(self.used) < FEWEST:
+            one, problem = next((s.name, p) for s, p in zip(self.subjects, self.problems, strict=True) if p)
+            hint = "check that all are the same organ, or use more --points or a larger --tolerance"
+            raise InputError(one, f"{problem}; only {len(self.used)} of {len(self.fits)} subjects fit", hint)
+        return self
 
     @property
     def used(self) -> IntArray:

@@ -23,7 +23,7 @@ from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
 from cccd_viewers.page_files import View
 from cccd_viewers.viewer import packed, surface_figure
-from cccd_workflow.report.page import shared_facts, write_page
+from cccd_workflow.report.templates import shared_facts, write_page
 
 __all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]
 
@@ -107,8 +107,7 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
     with atomic_path(path) as part, h5py.File(part, "w", track_order=True) as file:
         for name, values in arrays.items():
             file.create_dataset(name, data=values, compression="gzip", track_times=False)
-        for name, value in attributes.items():
-            file.attrs[name] = value
+        file.attrs.update(attributes)
 
 
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:

@@ -97,7 +97,7 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     Raises
     ------
     InputError
-        Fewer than six frames fit, or they leave parts of the time open.
+        Fewer than six frames fit, or three the series; or they leave parts of the time open.
     """
     used = cohort.used
     if len(used) < FEWEST_FRAMES:
@@ -125,7 +125,8 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     share = 1 - drawn[:, least] / drawn[:, most]
     ejection = np.array([1 - volumes[least] / volumes[most], *np.percentile(share, PERCENTILES)])
     table = np.column_stack([even, volumes, *np.percentile(drawn, PERCENTILES, axis=0)])
-    return replace(cohort, fits=fits, problems=problems), Series(spline, made, knots, period, table, ejection)
+    series = Series(spline, made, knots, period, table, ejection)
+    return replace(cohort, fits=fits, problems=problems).checked(), series
 
 
 def _volumes(spline: ControlMesh, weights: FloatArray, coefficients: FloatArray) -> FloatArray:

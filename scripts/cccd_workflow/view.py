@@ -36,11 +36,10 @@ def voxel_surface(structure: Structure) -> Mesh | None:
     return mask_surface(structure)
 
 
-def reference_surface(structure: Structure) -> tuple[Mesh, str] | None:
-    """Find what the surface is measured against, and its name: analytic truth, else the mask's voxels."""
+def reference_surface(structure: Structure, voxels: Mesh | None) -> tuple[Mesh, str] | None:
+    """Choose what the surface is measured against, and its name: analytic truth, else the mask's voxels."""
     if structure.truth is not None:
         return structure.truth.outwards(), "the analytic surface"
-    voxels = voxel_surface(structure)
     return None if voxels is None else (voxels, "the mask's voxel surface")
 
 
@@ -76,7 +75,7 @@ def make_view(
         slices = np.arange(curves.slice.min(), curves.slice.max() + 1)
         sides = {"inner": band.inner_mesh(surface), "outer": band.outer_mesh(surface)}
         lines = {name: lines_on_slices(side, curves.frame, slices) for name, side in sides.items()}
-    reference, name = reference_surface(structure) or (None, "")
+    reference, name = reference_surface(structure, cubes) or (None, "")
     if reference is not None:
         values["distance"] = to_mesh(shown.vertices, reference)
     meshes = {"surface": shown}

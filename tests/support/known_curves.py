@@ -2,6 +2,8 @@
 
 import numpy as np
 
+from cccd.geometry.closed_splines import extend_knots
+
 
 def circle(count: int, radius: float = 40.0, centre: tuple[float, float] = (50.0, 60.0)) -> np.ndarray:
     angle = 2 * np.pi * np.arange(count) / count + 0.1
@@ -28,3 +30,12 @@ def rectangle(height, width, i=0, j=0):
     bottom = [(i + height, j + width - n) for n in range(width)]
     left = [(i + height - n, j) for n in range(height)]
     return np.array(top + right + bottom + left, float), [0, width, width + height, 2 * width + height]
+
+
+def random_spline(seed, count, repeated=False):
+    """Knots and control points of a closed spline, and the generator that made them."""
+    rng = np.random.default_rng(seed)
+    breaks = np.sort(rng.uniform(0, 10, count))
+    if repeated:
+        breaks[1:3] = breaks[0]
+    return extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng

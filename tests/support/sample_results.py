@@ -11,7 +11,7 @@ import trimesh
 from cccd.bands import Band
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Structure
-from cccd.curves import corner_splines
+from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh

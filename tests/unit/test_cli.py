@@ -275,6 +275,7 @@ WRONG = {
     "no folder to write into": ("surface liver.nii.gz -o liver.nii.gz/a.ply", "not a folder"),
     "over the input": ("surface liver.nii.gz -o liver.nii.gz", "that is the input"),
     "a folder as output": ("surface liver.nii.gz -o taken.ply", "that is a folder"),
+    "a folder of organs": ("surface labels.nii.gz --all-labels -o all/", "name a file: all/all.ply, which"),
     "over the image": ("surface liver.nii.gz --image labels.nii.gz -o labels.nii.gz", "that is the input"),
     "over a mask of a folder": ("surface . --label liver -o liver.nii.gz", "that is the input"),
     "a picture over the input": ("check liver.nii.gz -o liver.nii.gz", "end its name with .png"),

@@ -33,14 +33,7 @@ def tree(tmp_path):
 def test_closure_follows_relative_nested_circular_and_package_imports(tree, tmp_path):
     script = tree("run.py", "from lib.a import thing\nimport os")
     names = {path.relative_to(tmp_path).as_posix() for path in imported_files(script, [tmp_path / "lib"])}
-    assert names == {
-        "lib/__init__.py",
-        "lib/a.py",
-        "lib/b.py",
-        "lib/d.py",
-        "lib/sub/__init__.py",
-        "lib/sub/c.py",
-    }
+    assert names == {f"lib/{name}.py" for name in ("__init__", "a", "b", "d", "sub/__init__", "sub/c")}
 
 
 def test_modules_that_are_given_by_name_are_followed(tree, tmp_path):
@@ -94,7 +87,7 @@ def test_an_edit_runs_no_stage_before_it_again(script):
     assert later & set(imported_files(SCRIPTS / f"{script}.py", LIBRARIES, modules)) == set()
 
 
-@pytest.mark.parametrize("name", ["import_structure", "loft_surface", "build_tables"])
+@pytest.mark.parametrize("name", ["import_structure", "loft_surface", "measure_structure"])
 def test_the_closure_holds_every_module_that_a_script_really_loads(name):
     script = SCRIPTS / f"{name}.py"
     probe = """
@@ -102,6 +95,7 @@ def test_the_closure_holds_every_module_that_a_script_really_loads(name):
         tree = ast.parse(pathlib.Path(sys.argv[1]).read_text())
         tree.body = [node for node in tree.body if isinstance(node, (ast.Import, ast.ImportFrom))]
         exec(compile(tree, sys.argv[1], "exec"))
+        assert not {"matplotlib", "numba", "pandas", "torch"} & sys.modules.keys()  # .2 s and more each
         names = [name for name in sys.modules if name.split(".")[0].startswith("cccd")]
         tables = {part for name in names if name.endswith(".plugin") for part in (name, name.split(".")[0])}
         modules = [sys.modules[name] for name in names if name not in tables - {"cccd"}]
@@ -110,5 +104,4 @@ def test_the_closure_holds_every_module_that_a_script_really_loads(name):
     command = [sys.executable, "-c", textwrap.dedent(probe), str(script)]
     run = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, check=True)
     loaded = {Path(line) for line in run.stdout.split()}
-    assert "_jit.py" not in {path.name for path in loaded}  # .3 s for a compiler
     assert loaded <= set(imported_files(script, LIBRARIES))

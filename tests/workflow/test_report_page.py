@@ -12,7 +12,8 @@ from PIL import Image
 from support import sample_results
 
 from cccd.store import write_json
-from cccd_workflow.report.page import build_report, build_structure_page
+from cccd_workflow.report.page import build_report
+from cccd_workflow.report.structure_view import build_structure_page
 
 ROOT = Path(__file__).parents[2]
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")

@@ -41,6 +41,9 @@ def check_outputs(outputs: Sequence[Path], sources: Sequence[Path | None]) -> No
     from cccd.files.write import check_format
 
     for path in outputs:
+        if "." not in path.name:
+            hint = f"name a file: {path / 'all.ply'}, which with --all-labels is all_LABEL.ply for each"
+            raise InputError(str(path), "no suffix chooses a format", hint)
         check_format(path)
     check_files(outputs, sources)
 

@@ -40,7 +40,6 @@ __all__ = [
     "crossing_place",
     "fit_checked",
     "fit_splines",
-    "sample_splines",
     "uniform_knots",
 ]
 
@@ -174,7 +173,7 @@ def _fitted(
 
 def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
     """How far (C,) in pixels the furthest point of each curve lies from its spline."""
-    rings = sample_splines(splines).polygons.rings()
+    rings = splines.sample().polygons.rings()
     shapely.prepare(rings)
     far = shapely.distance(shapely.points(curves.points), rings[curves.polygons.owners])
     return np.maximum.reduceat(far, curves.offsets[:-1]) if len(curves) else np.zeros(0)
@@ -256,11 +255,6 @@ def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
 # Sampling and checking --------------------------------------------------------------------------------
 
 
-def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
-    """Draw the splines as closed polygons with about ``per_pixel`` points per pixel of control polygon."""
-    return splines.sample(per_pixel)
-
-
 def _pairs_near(curves: Curves) -> np.ndarray:
     """Pairs (N, 2) of curves of one slice whose boxes come within two pixels."""
     size = np.unique(curves.slice, return_counts=True)[1]
@@ -319,7 +313,7 @@ class _Check:
         own = self._curves.polygons.take(chosen)
         lines = RaggedPolygons.of([_line(control, knots) for control, knots in fresh])
         bad = ~(lines.signed_areas * own.signed_areas > 0) | ~(reach > 0)
-        for row, drawn in enumerate((lines, sample_splines(fresh).polygons)):
+        for row, drawn in enumerate((lines, fresh.sample().polygons)):
             bad |= ~drawn.is_simple
             self._rings[row, chosen] = drawn.rings()
         bad |= _strays(lines, own, reach)

@@ -8,7 +8,6 @@ import scipy
 import shapely
 
 from cccd.containers import Curves, Splines
-from cccd.curves.fitting import sample_splines
 from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
@@ -120,7 +119,7 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     """
     if len(curves) == 0:
         return {"slices": 0, "curves": 0, "boundary_points": 0, "control_points": 0}
-    drawn = sample_splines(splines, per_pixel=2.0)
+    drawn = splines.sample()
     scores, kept = area_scores(curves, drawn)
     origin, shape = window_of(curves)
     raster = dice(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))

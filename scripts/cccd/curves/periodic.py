@@ -11,8 +11,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from cccd.curves.spans import basis, bend_at, pieces, slope_at, span_of, value_at
 from cccd.geometry._jit import jit
-from cccd.geometry.closed_splines import DEGREE, basis, bend_at, pieces, slope_at, span_of, value_at
+from cccd.geometry.closed_splines import DEGREE
 from cccd.tolerances import RIDGE, TINY
 
 __all__ = ["least_squares", "project", "tangent_least_squares"]

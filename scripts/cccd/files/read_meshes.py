@@ -18,6 +18,7 @@ from cccd.files.gltf import TO_GLTF
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
+from cccd.geometry.subdivision import DRAWN, LARGE
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
 from cccd.lookup import find
@@ -167,7 +168,9 @@ def _splines(path: Path) -> MeshFile:
     beside = path.with_suffix(".ply")
     if beside.is_file():
         return MeshFile(read_ply(beside))
-    return MeshFile(Mesh.joined([body.tessellate() for body in read_bodies(path)]))
+    bodies = read_bodies(path)
+    times = DRAWN - (sum(len(body.quads) for body in bodies) > LARGE)  # as the mesh of all has
+    return MeshFile(Mesh.joined([body.tessellate(times) for body in bodies]))
 
 
 def _solid(path: Path) -> MeshFile:

@@ -18,6 +18,6 @@ module             holds
 ``distance``       signed distances of masks, polygons and meshes
 ``thickness``      `Lines` that meet a mesh, and how thick its walls are
 ``grid``           `ScalarGrid`: values on a grid and their isosurface
-``closed_splines`` closed cubic curves, compiled: basis, pieces, values and derivatives
+``closed_splines`` points of closed cubic curves
 =================  =================================================================================
 """

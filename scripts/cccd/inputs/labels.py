@@ -7,7 +7,7 @@ from collections.abc import Collection
 from pathlib import Path
 
 from cccd.errors import InputError
-from cccd.settings.messages import choices
+from cccd.settings.messages import choices, nearest
 
 __all__ = ["choose_labels", "freesurfer_labels", "plain_name"]
 
@@ -66,7 +66,8 @@ def choose_labels(names: dict[int, str], label: str, organ: str, location: str, 
         if all(found):
             return sorted({number for numbers in found for number in numbers})
     absent = next(part for part, numbers in zip(wanted, found, strict=True) if not numbers)
-    raise InputError(location, f"it has no {kind} {absent!r}", there)
+    near = nearest(absent, filter(None, names.values()), otherwise=there)
+    raise InputError(location, f"it has no {kind} {absent!r}", near)
 
 
 def _labels_called(names: dict[int, str], wanted: str) -> list[int]:

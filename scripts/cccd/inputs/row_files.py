@@ -30,6 +30,7 @@ __all__ = [
     "EACH_ITS_OWN",
     "LabelMap",
     "RowFiles",
+    "check_folder",
     "checksum",
     "label_values",
     "list_labels",
@@ -42,6 +43,8 @@ __all__ = [
 
 
 _Read = TypeVar("_Read")
+
+_GIVE_MASKS = "give a label volume, or a folder of masks"
 
 
 def _is_folder_of_masks(path: Path) -> bool:
@@ -198,12 +201,6 @@ def _label_map(path: Path) -> Volume:
     return replace(volume, data=_whole_numbers(volume.data, volume.location)[0])
 
 
-def _mask_files(folder: Path) -> dict[str, Path]:
-    """Volumes in a folder, by their names without the suffix."""
-    named = ((without_suffix(file.name), file) for file in sorted(folder.iterdir()))
-    return {name: file for name, file in named if name is not None}
-
-
 def read_masks(folder: Path) -> Iterator[tuple[str, Volume]]:
     """Read the masks of a folder one after another: names and boolean volumes, empty masks left out.
 
@@ -214,27 +211,42 @@ def read_masks(folder: Path) -> Iterator[tuple[str, Volume]]:
     InputError
         Not readable, or nothing in any of them.
     """
-    files, found = _mask_files(folder), 0
-    for name, file in files.items():
+    found = 0
+    for name, file in _named_masks(folder).items():
         labels = _label_map(file)
         mask = replace(labels, data=labels.data > 0)
         if mask.data.any():
             found += 1
             yield name, mask
     if not found:
-        what = "every mask in this folder is empty" if files else "no masks in this folder"
-        raise InputError(folder.name, what, "give a label volume, or a folder of masks")
+        raise InputError(folder.name, "every mask in this folder is empty", _GIVE_MASKS)
+
+
+def check_folder(path: Path, label: str) -> None:
+    """Refuse a folder in a mask's place that has no mask of the name; any other path is not looked at."""
+    if _is_folder_of_masks(path):
+        _named_masks(path, label)
+
+
+def _named_masks(folder: Path, label: str = "") -> dict[str, Path]:
+    """Find the one-organ masks in a folder that a label names, with commas between; without one, all."""
+    stems = ((without_suffix(file.name), file) for file in sorted(folder.iterdir()))
+    files = {name: file for name, file in stems if name is not None}
+    if not files:
+        raise InputError(folder.name, "no masks in this folder", _GIVE_MASKS)
+    names = [part.strip() for part in label.split(",")] if label else list(files)
+    for name in names:
+        if name not in files:
+            raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
+    return {name: files[name] for name in names}
 
 
 def _read_mask_folder(folder: Path, label: str) -> Volume:
     """Unite one-organ masks of a folder, named as TotalSegmentator names them: ``liver.nii.gz``."""
-    files = _mask_files(folder)
-    if not files:
-        raise InputError(folder.name, "no masks in this folder", "give a label volume, or a folder of masks")
-    names = [part.strip() for part in label.split(",")]
-    united = _read_named(folder, files, names[0])
-    for name in names[1:]:
-        volume = _read_named(folder, files, name)
+    files = _named_masks(folder, label)
+    volumes = (read_label_map(file).organ("", name) for name, file in files.items())
+    united = next(volumes)
+    for volume in volumes:
         aligned = on_grid(volume, united.affine, united.shape, fill=False)
         if aligned is None:
             raise InputError(
@@ -242,14 +254,7 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
             )
         warnings = united.warnings + volume.warnings
         united = replace(aligned, data=np.maximum(united.data, aligned.data), warnings=warnings)
-    return united if len(names) == 1 else _with_coarser_grid(united, united.data)
-
-
-def _read_named(folder: Path, files: Mapping[str, Path], name: str) -> Volume:
-    """Read one mask of a folder."""
-    if name not in files:
-        raise InputError(folder.name, f"no mask of {name!r} in this folder", nearest(name, files))
-    return read_label_map(files[name]).organ("", name)
+    return united if len(files) == 1 else _with_coarser_grid(united, united.data)
 
 
 @dataclass(frozen=True, eq=False)

@@ -4,8 +4,3 @@
 space, on slices and between them, by `learned_distance`), `smooth_mesh` (their zero level, low-passed),
 `spline` (control mesh, fit, refinement), `checks` (what must hold).
 """
-
-from cccd.surface.loft import loft_surface
-from cccd.surface.surface import LoftedSurface
-
-__all__ = ["LoftedSurface", "loft_surface"]

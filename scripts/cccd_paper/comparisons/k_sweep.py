@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.curves import corner_splines, sample_splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
+from cccd.curves.fitting import corner_splines
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
@@ -157,15 +157,14 @@ def outline_figures(curves: Curves) -> dict[str, SliceFigure]:
 def _outline(curve: Curves, k: int) -> Panel:
     """Boundary, corners and the paper's spline: corners at maxima of curvature as control points (eq. 9)."""
     splines = corner_splines(curve, k_cosine_corners(curve.points, curve.offsets, k))
-    line = sample_splines(splines)
-    drawn = line.points
-    low = np.floor(np.minimum(curve.points.min(axis=0), drawn.min(axis=0))).astype(int) - 2
-    shape = np.ceil(np.maximum(curve.points.max(axis=0), drawn.max(axis=0))).astype(int) + 3 - low
-    score = dice(rasterise([curve.points], low, shape), rasterise([drawn], low, shape))
+    line = splines.sample().polygons
+    low = np.floor(np.minimum(curve.points.min(axis=0), line.points.min(axis=0))).astype(int) - 2
+    shape = np.ceil(np.maximum(curve.points.max(axis=0), line.points.max(axis=0))).astype(int) + 3 - low
+    score = dice(rasterise([curve.points], low, shape), rasterise([line.points], low, shape))
     control = splines.control_points
     return Panel(
         f"k = {k}",
-        {"boundary": curve.points, "spline": drawn, "corners": control},
+        {"boundary": curve.points, "spline": line.points, "corners": control},
         detail=f"{len(control)} points, Dice {100 * score:.2f} %"
-        + ("" if line.polygons.is_simple.all() else ", crosses itself"),
+        + ("" if line.is_simple.all() else ", crosses itself"),
     )

@@ -15,8 +15,8 @@ from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import dice
 from cccd.settings.surface import LoftSettings
-from cccd.surface import LoftedSurface
 from cccd.surface.measure import Reference, measure_mesh
+from cccd.surface.surface import LoftedSurface
 from cccd.tracing import trace_stack
 from cccd_junctions.ordering import count_changes
 from cccd_paper.comparisons.baselines.decoders import DECODERS

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from cccd.dicom_objects import holds_contours
+from cccd.dicom_objects import holds_contours, object_in
 from cccd.errors import InputError
 from cccd.layouts import completed
 from cccd.request import Request
@@ -273,22 +273,30 @@ class PlannedCohort:
 def _missing(
     rows: list[dict[str, str]], folder: Path, remote: dict[str, RemoteFile]
 ) -> dict[StructureName, InputError]:
-    """Name the rows whose files are not there or must not be read, and which were not imported before."""
+    """Name the rows whose files are not what they should be, and which were not imported before."""
     found: dict[StructureName, InputError] = {}
     for row in rows:
-        named = [(column, folder / row[column]) for column in ("image", "mask", "boundary") if row[column]]
-        absent = [one for one in named if near(one[1]) not in remote and not os.access(one[1], os.R_OK)]
-        imported = Path("results", row["case"]).glob(f"{row['organ']}/structure.h5")
-        if not absent or row["role"] == "train" or any(imported):
+        if row["role"] == "train" or any(Path("results", row["case"]).glob(f"{row['organ']}/structure.h5")):
             continue
-        from cccd.inputs.load import existing  # slow to import, and most sheets miss nothing
-
-        column, path = absent[0]
         try:
-            existing(path, column)
+            for column in ("image", "mask", "boundary"):
+                if row[column] and near(folder / row[column]) not in remote:
+                    _check_file(folder / row[column], column, row)
         except InputError as error:
             found[StructureName(row["case"], row["organ"])] = error.at(row["location"])
     return found
+
+
+def _check_file(path: Path, column: str, row: dict[str, str]) -> None:
+    """Refuse what is not there or must not be read, and a folder in a mask's place that has no such mask."""
+    if not os.access(path, os.R_OK):
+        from cccd.inputs.load import existing  # slow to import, and most sheets miss nothing
+
+        existing(path, column)
+    if column == "mask" and path.is_dir():
+        from cccd.inputs.row_files import check_folder
+
+        check_folder(object_in(path), "" if row["organ"] == "*" else row["label"] or row["organ"])
 
 
 def _with_local_paths(row: dict[str, str], folder: Path, remote: dict[str, RemoteFile]) -> dict[str, str]:

@@ -79,4 +79,8 @@ def report_failed_run(plan: Plan) -> None:
         )
         print(f"\nReport of the finished structures: {_REPORT.resolve()}", file=sys.stderr)
     hint = "Fix the input and run the same command again: finished files are kept"
-    print(f"\n{hint} (add --keep-going to finish the other structures first).", file=sys.stderr)
+    silent = [name for name in plan.cohort.reconstructed if "/".join(name) not in "\n".join(lines)]
+    waiting = any(not Path("results", *name, "metrics.json").exists() for name in silent)
+    if waiting and len(lines) > len(plan.cohort.missing):  # a job failed
+        hint += " (add --keep-going to finish the other structures first)"
+    print(f"\n{hint}.", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""What the page says about the run: versions, the commit, inputs, and time and memory per rule."""
+"""What the page says about the run: versions and the commit."""
 
 from __future__ import annotations
 
@@ -8,9 +8,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-import pandas as pd
-
-__all__ = ["Provenance", "benchmark_table", "provenance"]
+__all__ = ["Provenance", "provenance"]
 
 #: Packages whose version can change a number in the report.
 PACKAGES = (
@@ -64,55 +62,9 @@ def provenance() -> Provenance:
 
 def _commit(folder: Path) -> str:
     """Name the git commit of the code, with a word when files were edited since."""
-
-    def git(*arguments: str) -> str | None:
-        try:
-            done = subprocess.run(
-                ["git", "-C", str(folder), *arguments], capture_output=True, text=True, timeout=10, check=True
-            )
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return done.stdout.strip()
-
-    commit = git("rev-parse", "--short=12", "HEAD")
-    if not commit:
+    command = ["git", "-C", str(folder), "describe", "--always", "--abbrev=12", "--exclude=*"]
+    command += ["--dirty= with uncommitted changes"]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=10, check=True).stdout.strip()
+    except (OSError, subprocess.SubprocessError):
         return "not from a git checkout"
-    edited = git("status", "--porcelain", "--untracked-files=no", "--", ":/")
-    return f"{commit} with uncommitted changes" if edited else commit
-
-
-def benchmark_table(folder: Path | None) -> pd.DataFrame | None:
-    """Time and memory per rule from Snakemake's benchmark files; None when there are none.
-
-    Returns
-    -------
-    pandas.DataFrame or None
-        One row per rule: ``rule``, ``jobs``, ``total_s``, ``longest_s``, ``cpu_s``, ``peak_memory_mb``;
-        the slowest rule first.
-    """
-    if folder is None or not folder.is_dir():
-        return None
-    rows = []
-    for path in sorted(folder.rglob("*.tsv")):
-        try:
-            measured = pd.read_csv(path, sep="\t", na_values="-")
-        except (pd.errors.EmptyDataError, pd.errors.ParserError):
-            continue
-        if measured.empty or "s" not in measured:
-            continue
-        last = pd.to_numeric(measured.iloc[-1], errors="coerce")
-        rows.append((path.stem, last["s"], last.get("cpu_time"), last.get("max_rss")))
-    if not rows:
-        return None
-    jobs = pd.DataFrame(rows, columns=["rule", "s", "cpu", "rss"]).astype({"cpu": float, "rss": float})
-    groups = jobs.groupby("rule")
-    table = pd.DataFrame(
-        {
-            "jobs": groups.size(),
-            "total_s": groups["s"].sum(),
-            "longest_s": groups["s"].max(),
-            "cpu_s": groups["cpu"].sum(min_count=1),
-            "peak_memory_mb": groups["rss"].max(),
-        }
-    )
-    return table.sort_values(["total_s", "longest_s"], ascending=False).reset_index()

@@ -135,17 +135,19 @@ def _cell(value: Any, decimals: int | None, link: str | None, factor: float = 1)
     return Cell(str(value), str(value), False, link)
 
 
-def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = None) -> Table:
-    """Turn a data frame into a table of the page; columns without any value are left out.
+def table(key: str, frame: pd.DataFrame | None, links: Iterable[str | None] = ()) -> Table | None:
+    """Turn a data frame into a table of the page; columns without any value are left out. None without rows.
 
     Parameters
     ----------
     key : str
         HTML id; also the stem of the CSV's name.
-    frame : pandas.DataFrame
+    frame : pandas.DataFrame or None
     links : iterable of str or None, optional
         Where each row's first cell leads.
     """
+    if frame is None or frame.empty:
+        return None
     frame = frame.dropna(axis="columns", how="all")
     columns, decimals, factors = [], [], []
     for name in frame.columns:
@@ -158,7 +160,7 @@ def table(key: str, frame: pd.DataFrame, links: Iterable[str | None] | None = No
         shared = numeric and name not in FOUR_DIGITS
         decimals.append((2 if share else shared_decimals(series.to_numpy(float))) if shared else None)
         factors.append(100 if share else 1)
-    targets = list(links) if links is not None else [None] * len(frame)
+    targets = list(links) or [None] * len(frame)
     rows = [
         [
             _cell(value, digits, None if place else link, factor)

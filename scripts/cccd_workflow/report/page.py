@@ -1,57 +1,41 @@
 """The pages: self-contained HTML files, readable from disk, with no request to anywhere.
 
-`build_report` makes the cohort's page: results, warnings, and all else folded. Each structure has a page of
-its own (`build_structure_page`), each case whose organs share walls, too (`build_case_page`), and so has a
-comparison (`build_comparison_page`). Whatever file of the run is absent is left out.
+`build_report` makes the cohort's page: results, warnings, and all else folded. Each case whose organs share
+walls has one, too (`build_case_page`), and so has a comparison (`build_comparison_page`); each structure's is
+made where it is measured (`cccd_workflow.report.structure_view.build_structure_page`). Whatever file of the
+run is absent is left out.
 """
 
 from __future__ import annotations
 
-import functools
-import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import jinja2
 import numpy as np
 import pandas as pd
-import yaml
 from markupsafe import Markup
 
 from cccd.console import duration
 from cccd.geometry.mesh import Mesh
 from cccd.lookup import find
-from cccd.store import atomic_path
 from cccd_viewers.page_files import View
-from cccd_viewers.viewer import case_figure, deflate, packed, surface_figure
-from cccd_workflow.report.facts import benchmark_table, provenance
+from cccd_viewers.viewer import case_figure, packed, surface_figure
 from cccd_workflow.report.html_tables import Table, table
 from cccd_workflow.report.numerals import number
+from cccd_workflow.report.overviews import headline_frame, kinds_of_warnings, overview, source_table
 from cccd_workflow.report.registry import Item, comparisons, items, sections
-from cccd_workflow.report.render import VIEWS, VTK_PACKAGE
-from cccd_workflow.report.results import Results, StructureFiles
-from cccd_workflow.report.slices import draw_slices
-from cccd_workflow.report.structure_view import (
-    StructureView,
-    figure_view,
-    headline_frame,
-    kinds_of_warnings,
-    overview,
-    source_table,
-    view_structure,
-)
-from cccd_workflow.report.summary import Cohort, build_tables, read_cohort
+from cccd_workflow.report.results import Results
+from cccd_workflow.report.structure_view import StructureView, figure_view, view_structure
+from cccd_workflow.report.summary import Cohort, benchmark_table, build_tables, read_cohort
+from cccd_workflow.report.templates import shared_facts, write_page
 
-__all__ = [
-    "build_case_page", "build_comparison_page", "build_report", "build_report_of_finished",
-    "build_structure_page", "shared_facts", "write_page",
-]  # fmt: skip
+__all__ = ["build_case_page", "build_comparison_page", "build_report", "build_report_of_finished"]
 
-#: Widths in pixels of a picture in a structure's page and in the cohort's.
-_PAGE_WIDTH, _THUMB_WIDTH = 900, 360
+#: Width in pixels of a picture in the cohort's page.
+_THUMB_WIDTH = 360
 
 #: Plots wider than this many CSS pixels go below the paper's text instead of next to it.
 _COLUMN_PX = 780
@@ -124,7 +108,7 @@ def build_report(
             "measured": overview(views),
             "charts": _charts(views),
             "kinds": kinds_of_warnings(views),
-            "distances": _distance_table(found),
+            "distances": table("distances", found.table("distances")),
             "whole_cases": [case for case in cases if (results / case / "scene.html").is_file()],
             "sections": _sections(found),
             "sources": source_table(views),
@@ -191,8 +175,8 @@ def _training(results: Results, config: Mapping[str, Any]) -> dict[str, Any]:
 
     history = results.history
     return {
-        "history": table("history", history) if history is not None else None,
-        "learning": _markup(plots.learning_curve(history)) if history is not None else None,
+        "history": table("history", history),
+        "learning": None if history is None else Markup(plots.learning_curve(history) or ""),
         "training": _training_facts(results, config),
     }
 
@@ -202,50 +186,11 @@ def _times(benchmarks: Path | None) -> dict[str, Any]:
     from cccd_workflow.report import plots
 
     times = benchmark_table(benchmarks)
-    if times is None:
-        return {"times": None, "times_plot": None, "total_time": None}
     return {
         "times": table("rule_times", times),
-        "times_plot": Markup(plots.rule_times(times)),
-        "total_time": duration(float(times["total_s"].sum())),
+        "times_plot": None if times is None else Markup(plots.rule_times(times)),
+        "total_time": None if times is None else duration(float(times["total_s"].sum())),
     }
-
-
-def build_structure_page(
-    results: Path,
-    case: str,
-    organ: str,
-    config: Mapping[str, Any],
-    output: Path,
-    template_dir: Path,
-    index: Path | None = None,
-) -> None:
-    """Write the page of one structure.
-
-    Parameters
-    ----------
-    results, config, output, template_dir
-        As for `build_report`.
-    case, organ : str
-        Which structure.
-    index : path or None
-        The cohort's page, to lead back to.
-    """
-    found = Results(results, [(case, organ)])
-    view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
-    view.figure, view.slices = _figure(files), draw_slices(files)
-    back = _relative(index, output.parent) if index is not None else None
-    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **shared_facts(config)}
-    write_page(output, template_dir, "structure.html.j2", shown)
-
-
-def _figure(files: StructureFiles) -> str | None:
-    """Make the figure of a structure's surface."""
-    view, splines = files.view(), files.splines()
-    if view is None:
-        return None
-    curves = splines.sample(per_pixel=0.5) if splines is not None else None
-    return packed(surface_figure(view, files.bodies() or (), curves))
 
 
 def build_case_page(
@@ -320,97 +265,31 @@ def build_comparison_page(
     )
 
 
-# The page as a whole ------------------------------------------------------------------------------------
-
-
-def shared_facts(config: Mapping[str, Any]) -> dict[str, Any]:
-    """Collect what all pages need."""
-    return {
-        "run": provenance(),
-        "config": yaml.safe_dump(_plain(config), sort_keys=False, allow_unicode=True, width=100),
-        "vtk_package": VTK_PACKAGE,
-        "view_names": ", ".join(view.name for view in VIEWS),
-    }
-
-
-def write_page(output: Path, template_dir: Path, name: str, context: Mapping[str, Any]) -> None:
-    """Write a page: ``name`` is its template, ``context`` what that shows."""
-    environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(template_dir),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters |= {"number": number, "bound": _bound}
-    environment.globals["asset"] = lambda file: Markup(_text(Path(template_dir) / file))
-    environment.globals["deflated"] = lambda file: _deflated(Path(template_dir) / file)
-    with atomic_path(output) as temporary:
-        temporary.write_text(environment.get_template(name).render(context), encoding="utf-8")
-
-
-def _text(file: Path) -> str:
-    """Text of a file, without comments: these are for those who read the source, not for every page."""
-    lines = (line.rstrip() for line in file.read_text(encoding="utf-8").splitlines())
-    return "\n".join(line for line in lines if not line.lstrip().startswith("// "))
-
-
-@functools.cache
-def _deflated(file: Path) -> str:
-    return deflate(file.read_text(encoding="utf-8"))
-
-
-def _bound(text: str) -> str:
-    """Keep a number and its unit, and both sides of ``k = 3``, on one line."""
-    text = re.sub(r"(?<=\d) (?=(%|mm|ms|s|[kM]?B|KB|points)\b|%)", "\u00a0", text)
-    return re.sub(r"\b([kn]) = (?=\d)", "\\1\u00a0=\u00a0", text)
-
-
-def _markup(svg: str | None) -> Markup | None:
-    return None if svg is None else Markup(svg)
-
-
-def _plain(value: Any) -> Any:
-    """Copy as plain values, so that YAML writes no Python tags."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
-
-
-def _relative(path: Path, folder: Path) -> str:
-    return Path(os.path.relpath(path, folder)).as_posix()
-
-
-def _distance_table(results: Results) -> Table | None:
-    """Show ``tables/distances.csv``, where any organs of a case lie near each other."""
-    frame = results.table("distances")
-    return None if frame is None else table("distances", frame)
-
-
 # Tables and figures -------------------------------------------------------------------------------------
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
     """Collect every section of items: anchor, title, introduction, and those items that were made."""
-    views = [_item_view(item, results) for item in items() if item.section != "summary"]
-    compared = any(view.item.needed and view.table for view in views)
-    shown = [view for view in views if view.table or (compared and view.figures)]
-    if not compared:  # what else there is describes the paper's tables
-        shown = [view for view in shown if view.item.network]
+    made = [
+        (item, results.table(item.table) if item.table is not None else None)
+        for item in items()
+        if item.section != "summary"
+    ]
+    if not any(item.needed and frame is not None for item, frame in made):
+        # nothing was compared: what else there is describes the paper's tables, and is not drawn
+        made = [(item, frame) for item, frame in made if item.network and frame is not None]
+    views = [view for view in (_item_view(*pair, results) for pair in made) if view.table or view.figures]
     found = [
-        (key, title, text, [view for view in shown if view.item.section == key])
+        (key, title, text, [view for view in views if view.item.section == key])
         for key, (title, text) in sections().items()
     ]
     return [section for section in found if section[3]]
 
 
-def _item_view(item: Item, results: Results) -> ItemView:
-    shown = results.table(item.table) if item.table is not None else None
+def _item_view(item: Item, frame: pd.DataFrame | None, results: Results) -> ItemView:
     return ItemView(
         item,
-        table(item.table, shown) if item.table is not None and shown is not None else None,
+        table(item.table or "", frame),
         [(svg, caption, _width(svg) > _COLUMN_PX) for svg, caption in _draw(item, results)],
     )
 

@@ -88,8 +88,9 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
     with atomic_path(png_path) as temporary:
         renderer: Renderer = "vtk" if _render_with_vtk(Path(ply_path), temporary, pixels) else "matplotlib"
         if renderer == "vtk":
-            with Image.open(temporary) as opened:
-                picture = opened.convert("RGBA").reduce(_OVERSAMPLED)
+            size = len(VIEWS) * _OVERSAMPLED * pixels, _OVERSAMPLED * pixels
+            upside_down = Image.frombytes("RGBA", size, temporary.read_bytes())
+            picture = upside_down.transpose(Image.Transpose.FLIP_TOP_BOTTOM).reduce(_OVERSAMPLED)
         else:
             picture = Image.fromarray(_draw_with_matplotlib(read_ply(ply_path), pixels))
         stamp.add_text("renderer", renderer)
@@ -119,9 +120,9 @@ def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
     return done.returncode == 0 and png_path.stat().st_size > 0
 
 
-def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
-    """Draw three turned copies of the mesh in one scene, without PyVista, which is slow to load."""
-    from vtkmodules import vtkIOImage, vtkRenderingCore, vtkRenderingOpenGL2  # noqa: F401
+def _draw_with_vtk(ply_path: str, raw_path: str, pixels: int) -> None:
+    """Draw three turned copies of the mesh in one scene, as red, green, blue and alpha from below."""
+    from vtkmodules import vtkRenderingCore, vtkRenderingOpenGL2  # noqa: F401
     from vtkmodules.vtkCommonTransforms import vtkTransform
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
     from vtkmodules.vtkIOPLY import vtkPLYReader
@@ -140,7 +141,7 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
         placed[:3, :3] = np.cross(view.up, view.towards), view.up, view.towards
         placed[:3, 3] = [2 * half * (column - 1), 0, 0] - placed[:3, :3] @ bounds.mean(axis=1)
         turned.SetMatrix(placed.ravel().tolist())
-        shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12)
+        shade = vtk.vtkProperty(color=_COLOUR, specular=0.25, specular_power=12, backface_culling=True)
         renderer.AddActor(vtk.vtkActor(mapper=mapper, user_transform=turned, property=shade))
     renderer.active_camera.parallel_projection = True
     renderer.ResetCamera()
@@ -150,8 +151,8 @@ def _draw_with_vtk(ply_path: str, png_path: str, pixels: int) -> None:
     window.size = len(VIEWS) * pixels, pixels
     window.AddRenderer(renderer)
     picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False, input_buffer_type=4)  # RGBA
-    fast = {"file_name": png_path, "compression_level": 0}  # it is read again, and written smaller
-    vtkIOImage.vtkPNGWriter(input_connection=picture.output_port, **fast).Write()
+    picture.Update()
+    Path(raw_path).write_bytes(picture.output.point_data.scalars)
 
 
 # matplotlib, when VTK cannot -------------------------------------------------------------------------

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, TypeVar
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from cccd import store
 from cccd_networks.graphs import GraphSplit, read_graph_facts, read_graphs
 from cccd_viewers.page_files import SliceFigure, read_figure, read_view
 from cccd_workflow.report.registry import Comparison, Item
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 __all__ = ["Results", "StructureFiles"]
 
@@ -95,9 +96,13 @@ class Results:
     ):
         self.folder = folder
         self.structures = structures
-        self.history = store.read_table(folder / "gnn" / "history.csv")
         self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
         self._rows: dict[str, pd.DataFrame | None] = {}
+
+    @property
+    def history(self) -> pd.DataFrame | None:
+        """Read the scores of each epoch of the junctions' network."""
+        return store.read_table(self.folder / "gnn" / "history.csv")
 
     def files(self, case: str, organ: str) -> StructureFiles:
         """Find one structure's files."""
@@ -113,6 +118,8 @@ class Results:
     def rows(self, comparison: Comparison) -> pd.DataFrame | None:
         """Read the rows of a comparison of all structures; None also where its columns are not all there."""
         if comparison.name not in self._rows:
+            import pandas as pd  # slow to load, and a structure's page has no tables
+
             parts = [self.files(*key).rows(comparison.name) for key in self.structures]
             parts = [part for part in parts if part is not None]
             frame = pd.concat(parts, ignore_index=True) if parts else None
@@ -130,10 +137,8 @@ class Results:
 
     def shown(self, item: Item) -> tuple[str, str, SliceFigure] | None:
         """Choose the structure of which an item shows a slice: a liver, as in the paper, or the first."""
-        livers_first = sorted(self.structures, key=lambda key: key[1] != "liver")
-        for case, organ in livers_first:
-            figure = self.figure(item, case, organ)
-            if figure is not None:
+        for case, organ in sorted(self.structures, key=lambda key: key[1] != "liver"):
+            if (figure := self.figure(item, case, organ)) is not None:
                 return case, organ, figure
         return None
 

@@ -5,26 +5,30 @@ from __future__ import annotations
 import base64
 import io
 import json
+import os
 import re
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
-
-import pandas as pd
+from typing import Any
 
 from cccd.containers import Frame
-from cccd_workflow.report.html_tables import Table, table
+from cccd_viewers.viewer import packed, surface_figure
 from cccd_workflow.report.measures import HEADLINES, MEASURES, Headline, Measure
 from cccd_workflow.report.numerals import number, typeset
 from cccd_workflow.report.render import picture_renderer
-from cccd_workflow.report.results import Results
-from cccd_workflow.report.slices import SliceSheet
+from cccd_workflow.report.results import Results, StructureFiles
+from cccd_workflow.report.slices import SliceSheet, draw_slices
+from cccd_workflow.report.templates import shared_facts, write_page
 
 __all__ = [
-    "StructureView", "WarningKind", "encode_picture", "figure_view", "headline_frame", "headline_label",
-    "kinds_of_warnings", "overview", "source_table", "view_structure",
+    "StructureView", "build_structure_page", "encode_picture", "figure_view", "headline_label",
+    "headline_value", "view_structure",
 ]  # fmt: skip
+
+
+#: Width in pixels of the picture in a structure's page.
+_PAGE_WIDTH = 900
 
 
 @dataclass
@@ -37,12 +41,12 @@ class StructureView:
     metrics: dict[str, Any]
     headlines: list[dict[str, str]]
     warnings: list[str]
-    picture: str | None
-    renderer: str | None
-    link: str
-    sources: list[dict[str, Any]]
-    provenance: str | None
-    grid: str | None
+    picture: str | None = None
+    renderer: str | None = None
+    link: str = ""
+    sources: list[dict[str, Any]] = field(default_factory=list)
+    provenance: str | None = None
+    grid: str | None = None
     figure: str | None = None
     slices: SliceSheet | None = None
 
@@ -75,15 +79,51 @@ class StructureView:
         return f"{number(low, decimals)} to {number(high, decimals)}"
 
 
+def build_structure_page(
+    results: Path,
+    case: str,
+    organ: str,
+    config: Mapping[str, Any],
+    output: Path,
+    template_dir: Path,
+    index: Path | None = None,
+) -> None:
+    """Write the page of one structure.
+
+    Parameters
+    ----------
+    results, config, output, template_dir
+        As for `cccd_workflow.report.page.build_report`.
+    case, organ : str
+        Which structure.
+    index : path or None
+        The cohort's page, to lead back to.
+    """
+    found = Results(results, [(case, organ)])
+    view, files = view_structure(found, case, organ, _PAGE_WIDTH), found.files(case, organ)
+    view.figure, view.slices = _figure(files), draw_slices(files)
+    back = Path(os.path.relpath(index, output.parent)).as_posix() if index is not None else None
+    shown = {"title": f"{case} / {organ}", "structure": view, "back": back, **shared_facts(config)}
+    write_page(output, template_dir, "structure.html.j2", shown)
+
+
+def _figure(files: StructureFiles) -> str | None:
+    """Make the figure of a structure's surface."""
+    view, splines = files.view(), files.splines()
+    if view is None:
+        return None
+    curves = splines.sample(per_pixel=0.5) if splines is not None else None
+    return packed(surface_figure(view, files.bodies() or (), curves))
+
+
 def view_structure(results: Results, case: str, organ: str, width: int | None) -> StructureView:
     """Collect one structure, its picture at most ``width`` pixels wide; without a width there is none."""
     files = results.files(case, organ)
     metrics = files.metrics() or {}
     pictured = width if width is not None and files.picture.is_file() else 0
-    read = files.facts()
-    frame, facts, noticed = read if read is not None else (None, {}, [])
+    frame, facts, noticed = files.facts() or (None, {}, [])
     warnings = metrics.get("warnings") or noticed
-    if read is None:
+    if frame is None:
         warnings = [*warnings, "No structure.h5: this structure was not imported."]
     return StructureView(
         case=case,
@@ -110,70 +150,7 @@ def figure_view(name: str, case: str, figures: Mapping[str, Any]) -> StructureVi
         metrics={key: value for key, value in figures.items() if value is not None},
         headlines=[],
         warnings=list(figures.get("notes", [])),
-        picture=None,
-        renderer=None,
-        link="",
-        sources=[],
-        provenance=None,
-        grid=None,
     )
-
-
-# Overviews ----------------------------------------------------------------------------------------------
-
-
-def overview(views: Sequence[StructureView]) -> Table | None:
-    """Show what a person asks first of every structure; ``tables/structures.csv`` has more."""
-    rows = [
-        {
-            "case": view.case,
-            "organ": view.organ,
-            "volume_ml": view.look_up("volume_ml"),
-            "interval of the volume_ml": view.volume_interval,
-            "surface_area_cm2": _scaled(view.look_up("surface_area_mm2"), 0.01),
-            "size_mm": _size(view),
-            "dice with the mask": view.look_up("dice_3d"),
-            "mean_distance_mm": view.look_up("assd_mm"),
-            "distance to": view.look_up("reference"),
-            "warnings": len(view.warnings),
-        }
-        for view in views
-        if view.metrics
-    ]
-    links = [view.link for view in views if view.metrics]
-    return table("overview", pd.DataFrame(rows), links) if rows else None
-
-
-def _size(view: StructureView) -> str | None:
-    corners = [[view.look_up(f"{side}_{axis}_mm") for axis in "xyz"] for side in ("lowest", "highest")]
-    if None in corners[0] or None in corners[1]:
-        return None
-    return " × ".join(number(high - low, 0) for low, high in zip(*corners, strict=True))
-
-
-def _scaled(value: float | None, factor: float) -> float | None:
-    return None if value is None else value * factor
-
-
-class WarningKind(NamedTuple):
-    """Warnings that differ in their numbers alone; ``places`` are (view, whole text)."""
-
-    text: str
-    places: list[tuple[StructureView, str]]
-
-
-def kinds_of_warnings(views: Sequence[StructureView]) -> list[WarningKind]:
-    """Gather the warnings of all structures by kind, the most frequent first."""
-    found: dict[str, list[tuple[StructureView, str]]] = {}
-    for view in views:
-        for warning in view.warnings:
-            kind = re.sub(r"(?:…(?:, | to | and )?)+", "…", re.sub(r"\d[\d.,]*\d|\d", "…", warning))
-            found.setdefault(kind, []).append((view, warning))
-    kinds = [
-        WarningKind(places[0][1] if len({text for _, text in places}) == 1 else kind, places)
-        for kind, places in found.items()
-    ]
-    return sorted(kinds, key=lambda kind: -len(kind.places))
 
 
 def _grid(frame: Frame) -> str:
@@ -186,7 +163,7 @@ def headline_label(headline: Headline) -> str:
     return f"{headline.heading} ({headline.unit})" if headline.unit else headline.heading
 
 
-def _value(measure: Measure, headline: Headline, metrics: Mapping[str, Any]) -> float | None:
+def headline_value(measure: Measure, headline: Headline, metrics: Mapping[str, Any]) -> float | None:
     """Take a headline's number in its unit; None where it was not measured."""
     found = measure.look_up(metrics)
     return None if found is None else found * headline.factor
@@ -195,7 +172,7 @@ def _value(measure: Measure, headline: Headline, metrics: Mapping[str, Any]) -> 
 def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
     found = []
     for measure, headline in HEADLINES:
-        value = _value(measure, headline, metrics)
+        value = headline_value(measure, headline, metrics)
         if value is not None:
             text = number(value) if headline.form == "" else typeset(format(value, headline.form))
             found.append({"heading": headline.heading, "text": text, "unit": headline.unit})
@@ -228,12 +205,6 @@ def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:
     return found
 
 
-def source_table(views: Sequence[StructureView]) -> Table | None:
-    """List every input file with its checksum; None where none was recorded."""
-    rows = [{"structure": view.name, **source} for view in views for source in view.sources]
-    return table("inputs", pd.DataFrame(rows)) if rows else None
-
-
 def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     """Numbers of nested metrics under dotted names; lists and texts are left out."""
     found: dict[str, Any] = {}
@@ -243,14 +214,3 @@ def _flat(metrics: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         elif isinstance(value, (int, float)):
             found[f"{prefix}{key}"] = value
     return found
-
-
-def headline_frame(views: Sequence[StructureView]) -> pd.DataFrame:
-    """Every structure's headlines, one row each."""
-    return pd.DataFrame(
-        [
-            {"case": view.case, "organ": view.organ}
-            | {headline_label(shown): _value(measure, shown, view.metrics) for measure, shown in HEADLINES}
-            for view in views
-        ]
-    )

@@ -13,7 +13,15 @@ from cccd.store import read_json, read_table
 from cccd_workflow.report.measures import MEASURES
 from cccd_workflow.report.registry import Item, comparisons, items
 
-__all__ = ["Cohort", "build_tables", "distances", "read_cohort", "structure_names", "structures"]
+__all__ = [
+    "Cohort",
+    "benchmark_table",
+    "build_tables",
+    "distances",
+    "read_cohort",
+    "structure_names",
+    "structures",
+]
 
 
 class Cohort:
@@ -103,3 +111,40 @@ def structures(cohort: Cohort) -> pd.DataFrame:
         for metrics in cohort.metrics
     ]
     return pd.DataFrame(rows, columns=["case", "organ", *(measure.name for measure in MEASURES), "warnings"])
+
+
+def benchmark_table(folder: Path | None) -> pd.DataFrame | None:
+    """Time and memory per rule from Snakemake's benchmark files; None when there are none.
+
+    Returns
+    -------
+    pandas.DataFrame or None
+        One row per rule: ``rule``, ``jobs``, ``total_s``, ``longest_s``, ``cpu_s``, ``peak_memory_mb``;
+        the slowest rule first.
+    """
+    if folder is None or not folder.is_dir():
+        return None
+    rows = []
+    for path in sorted(folder.rglob("*.tsv")):
+        try:
+            measured = pd.read_csv(path, sep="\t", na_values="-")
+        except (pd.errors.EmptyDataError, pd.errors.ParserError):
+            continue
+        if measured.empty or "s" not in measured:
+            continue
+        last = pd.to_numeric(measured.iloc[-1], errors="coerce")
+        rows.append((path.stem, last["s"], last.get("cpu_time"), last.get("max_rss")))
+    if not rows:
+        return None
+    jobs = pd.DataFrame(rows, columns=["rule", "s", "cpu", "rss"]).astype({"cpu": float, "rss": float})
+    groups = jobs.groupby("rule")
+    table = pd.DataFrame(
+        {
+            "jobs": groups.size(),
+            "total_s": groups["s"].sum(),
+            "longest_s": groups["s"].max(),
+            "cpu_s": groups["cpu"].sum(min_count=1),
+            "peak_memory_mb": groups["rss"].max(),
+        }
+    )
+    return table.sort_values(["total_s", "longest_s"], ascending=False).reset_index()

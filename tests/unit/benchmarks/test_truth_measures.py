@@ -7,6 +7,7 @@ pytest.importorskip("vtk")
 trimesh = pytest.importorskip("trimesh")
 
 from scipy.spatial.transform import Rotation  # noqa: E402
+from support.solids import mesh_of, sphere  # noqa: E402
 from truth_measures import (  # noqa: E402
     Target,
     bending,
@@ -26,18 +27,12 @@ from truth_measures import (  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 
 
-def mesh_of(body):
-    return Mesh(np.asarray(body.vertices, float), np.asarray(body.faces, np.int64))
-
-
 def ball(radius, centre=(0, 0, 0)):
-    mesh = mesh_of(trimesh.creation.icosphere(subdivisions=5, radius=radius))
-    return Mesh(mesh.vertices + centre, mesh.faces)
+    return sphere(radius, centre, 5)
 
 
 def box(edges=(20, 20, 20), shift=(0, 0, 0)):
-    mesh = mesh_of(trimesh.creation.box(extents=edges))
-    return Mesh(mesh.vertices + shift, mesh.faces)
+    return mesh_of(trimesh.creation.box(extents=edges), shift)
 
 
 def joined(*meshes):

@@ -3,17 +3,10 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
+from support.known_curves import random_spline
 
 from cccd.curves import periodic
 from cccd.geometry.closed_splines import evaluate, extend_knots
-
-
-def random_spline(seed, count, repeated=False):
-    rng = np.random.default_rng(seed)
-    breaks = np.sort(rng.uniform(0, 10, count))
-    if repeated:
-        breaks[1:3] = breaks[0]
-    return extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
 
 
 @settings(max_examples=40, deadline=None)

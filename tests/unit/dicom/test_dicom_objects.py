@@ -5,23 +5,25 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pydicom
 import pytest
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
 
-from cccd.dicom_objects import dicom_modality, holds_contours, object_in
+from cccd.dicom_objects import dicom_modality, holds_contours, lies_in_its_series, object_in
 from cccd.errors import InputError
 
 SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
-def write(path: Path, modality: str) -> Path:
+def write(path: Path, modality: str, **uids: str) -> Path:
     meta = FileMetaDataset()
     meta.MediaStorageSOPClassUID, meta.TransferSyntaxUID = RTStructureSetStorage, ExplicitVRLittleEndian
     meta.MediaStorageSOPInstanceUID = generate_uid()
     file = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
     file.SOPClassUID, file.SOPInstanceUID = RTStructureSetStorage, meta.MediaStorageSOPInstanceUID
     file.Modality = modality
+    file.update(uids)
     file.save_as(path, enforce_file_format=True)
     return path
 
@@ -37,14 +39,8 @@ def test_what_holds_no_contours(tmp_path):
     (tmp_path / "short").write_bytes(b"DICM")
     torn = write(tmp_path / "torn.dcm", "RTSTRUCT")
     torn.write_bytes(torn.read_bytes()[:140])
-    names = [
-        "mask.nii.gz",
-        "short",
-        "torn.dcm",
-        "not_there.dcm",
-        ".",
-        write(tmp_path / "seg.dcm", "SEG").name,
-    ]
+    write(tmp_path / "seg.dcm", "SEG")
+    names = ["mask.nii.gz", "short", "torn.dcm", "not_there.dcm", ".", "seg.dcm"]
     assert [name for name in names if holds_contours(tmp_path / name)] == []
     assert dicom_modality(tmp_path / "mask.nii.gz") is None
     assert dicom_modality(torn) == ""
@@ -60,6 +56,15 @@ def test_a_folder_with_one_object_stands_for_it(tmp_path):
     with pytest.raises(InputError, match="2 SEG or RTSTRUCT objects"):
         object_in(tmp_path)
     assert not holds_contours(tmp_path)  # the job that imports it says why
+
+
+def test_each_file_beside_an_object_is_read_once(tmp_path, monkeypatch):
+    for name, modality, frame in (("rt", "RTSTRUCT", "1.2"), ("ct", "CT", "1.3"), ("mr", "MR", "1.2")):
+        write(tmp_path / name, modality, FrameOfReferenceUID=frame, SeriesInstanceUID="")
+    opened, read = [], pydicom.dcmread
+    monkeypatch.setattr(pydicom, "dcmread", lambda path, **how: opened.append(path.name) or read(path, **how))
+    assert lies_in_its_series(tmp_path / "rt")
+    assert max(opened.count(name) for name in ("ct", "mr")) == 1
 
 
 def test_a_scan_is_not_opened_beyond_its_first_bytes_nor_pydicom_imported_for_it(tmp_path):

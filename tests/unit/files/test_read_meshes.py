@@ -6,7 +6,10 @@ import trimesh
 
 import cccd
 from cccd.errors import InputError
+from cccd.files import read_meshes
 from cccd.files.read_meshes import is_mesh, read_mesh
+from cccd.geometry import subdivision
+from cccd.store import write_control_meshes
 
 AFFINE = np.diag([-1.0, -1, 1.5, 1]) @ np.array([[1, 0, 0, 5], [0, 1, 0, -20], [0, 0, 1, 8], [0, 0, 0, 1.0]])
 
@@ -27,6 +30,15 @@ def test_what_was_written_is_read_back(surface, form, tmp_path):
     assert len(found.mesh.faces) == len(surface.faces)
     assert found.mesh.volume == pytest.approx(surface.volume, rel=1e-6)
     assert found.mesh.vertices.min(axis=0) == pytest.approx(surface.vertices.min(axis=0), abs=1e-5)
+
+
+def test_splines_alone_have_as_many_triangles_as_the_mesh_of_all(surface, tmp_path, monkeypatch):
+    bodies = [surface.bodies[0], surface.bodies[0].transformed(AFFINE)]
+    quads = len(bodies[0].quads)
+    for module in (subdivision, read_meshes):
+        monkeypatch.setattr(module, "LARGE", 1.5 * quads, raising=False)  # both are many, each alone is not
+    write_control_meshes(tmp_path / "surface.h5", bodies, surface.lofted.frame, surface.lofted.report)
+    assert len(read_mesh(tmp_path / "surface.h5").mesh.faces) == 8 * 2 * quads
 
 
 @pytest.mark.parametrize("form", ["step", "iges", "brep"])

@@ -22,7 +22,7 @@ from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.formats import FORMATS
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_control_meshes
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface, read_surface
 
 

@@ -3,20 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.interpolate import BSpline
+from support.known_curves import random_spline
 
 from cccd.geometry import closed_splines
-
-
-def random_spline(seed, count, repeated=False):
-    rng = np.random.default_rng(seed)
-    breaks = np.sort(rng.uniform(0, 10, count))
-    if repeated:
-        breaks[1:3] = breaks[0]
-    return closed_splines.extend_knots(breaks, 10.0), rng.normal(size=(count, 2)), rng
-
-
-def scipy_curve(knots, control):
-    return BSpline(knots, np.vstack([control, control[:3]]), 3)
 
 
 @settings(max_examples=40, deadline=None)
@@ -24,7 +13,7 @@ def scipy_curve(knots, control):
 def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
     knots, control, _ = random_spline(seed, count, repeated)
     assert len(knots) == count + 7
-    curve = scipy_curve(knots, control)
+    curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
     u = np.linspace(knots[3], knots[-4], 101)[:-1]
     assert closed_splines.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
     assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)

@@ -12,7 +12,7 @@ from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_annotation, read_compared, read_structure, write_structure
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 from cccd_workflow.cohort import read_cohort

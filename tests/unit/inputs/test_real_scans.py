@@ -14,7 +14,7 @@ from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 
 if not DATA.is_dir():
     pytest.skip("the real scans are not at ../shared/data", allow_module_level=True)

@@ -1,6 +1,7 @@
 """What is doubtful about a file is said, in words that help."""
 
 import os
+import re
 
 import nibabel
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import cccd
 from cccd.errors import InputError
+from cccd.inputs.labels import choose_labels
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 
@@ -28,18 +30,18 @@ def test_two_affines_that_disagree_are_said(tmp_path, apart, said):
     assert (line in cccd.read(tmp_path / "mask.nii").warnings) == said
 
 
-@pytest.mark.parametrize(
-    ("asked", "there", "hint"),
-    [
-        ("zero.nii.gz", "one.nii.gz", "there is no zero.nii.gz in .*; correct the path"),
-        ("mask.nii.gz", "one.nii.gz", "there is no mask.nii.gz in .*; correct the path"),
-    ],
-)
-def test_a_name_is_near_by_itself_and_not_by_its_suffix(tmp_path, asked, there, hint):
-    (tmp_path / there).write_bytes(b"")
+@pytest.mark.parametrize("asked", ["zero.nii.gz", "mask.nii.gz"])
+def test_a_name_is_near_by_itself_and_not_by_its_suffix(tmp_path, asked):
+    (tmp_path / "one.nii.gz").write_bytes(b"")
     (tmp_path / "masks").mkdir()
-    with pytest.raises(InputError, match=hint):
+    with pytest.raises(InputError, match=f"there is no {asked} in .*; correct the path"):
         existing(tmp_path / asked, "mask")
+
+
+@pytest.mark.parametrize(("asked", "hint"), [("splen", "did you mean 'spleen'?"), ("9", "choose one of 5 ")])
+def test_a_label_is_near_the_name_of_another(asked, hint):
+    with pytest.raises(InputError, match=f"it has no label '{asked}'; {re.escape(hint)}"):
+        choose_labels({5: "liver", 7: "spleen", 8: ""}, asked, "organ", "scan.nii", "label")
 
 
 def test_a_file_without_permission_says_so(tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ from cccd.containers import Sections
 from cccd.inputs import load_structure
 from cccd.metrics import surface_distances
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask
 
 

@@ -307,6 +307,9 @@ def test_the_end_of_a_run_names_every_failure_once_and_every_surface(capsys):
     report_failed_run(plan)
     said = capsys.readouterr().err
     assert "2 failed:\n  a/ball: the mask is empty\n  b/ball: the mask is empty\n" in said
+    assert "--keep-going" not in said  # nothing waits
+    report_failed_run(plan_of(MASK, MAPS, MASK | {"case": "d"}))
+    assert "--keep-going" in capsys.readouterr().err
     surface = Path("results/a/ball/surface.ply")
     surface.parent.mkdir(parents=True)
     surface.write_text("")

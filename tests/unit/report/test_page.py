@@ -15,14 +15,14 @@ from support.sample_results import make_metrics, write_run
 
 from cccd.store import write_json, write_table
 from cccd.surface.between import DISTANCES
-from cccd_workflow.report import svg
-from cccd_workflow.report.facts import benchmark_table
+from cccd_workflow.report import page, svg
 from cccd_workflow.report.html_tables import table
 from cccd_workflow.report.numerals import number
-from cccd_workflow.report.page import build_report, build_structure_page
+from cccd_workflow.report.overviews import kinds_of_warnings
+from cccd_workflow.report.page import build_report
 from cccd_workflow.report.registry import items
-from cccd_workflow.report.structure_view import figure_view, kinds_of_warnings
-from cccd_workflow.report.summary import build_tables, read_cohort
+from cccd_workflow.report.structure_view import build_structure_page, figure_view
+from cccd_workflow.report.summary import benchmark_table, build_tables, read_cohort
 
 TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "compare": "auto"}
@@ -141,7 +141,8 @@ def shown(text):
     return re.sub(r"<(style|script).*?</\1>", "", text, flags=re.DOTALL)
 
 
-def test_without_comparisons_no_word_of_the_paper(plain):
+def test_without_comparisons_no_word_of_the_paper(plain, monkeypatch):
+    monkeypatch.setattr(page, "_draw", lambda item, _: pytest.fail(f"{item.key} is drawn for nobody"))
     text = shown(build(plain, STRUCTURES))
     assert "Dice with the mask" in text
     assert not re.search(r"\bpaper\b|Table \d|Figure \d|Training", text)

@@ -182,15 +182,18 @@ def test_a_series_has_the_period_and_the_volumes_of_a_beating_ellipsoid():
     ]
     fits = [Fit(unit.moved(unit.vertices * by), 0.0, 0) for by in axes]
     template = Template(unit.moved(unit.vertices * 11))
-    _, series = fit_series(Cohort(frames, fits, template, [""] * 14), PERIOD)
+    cohort = Cohort(frames, fits, template, [""] * 14)
+    with pytest.raises(InputError, match="only 0 of 14 subjects fit"):
+        fit_series(replace(cohort, subjects=[replace(one, tolerance=0.01) for one in frames]), PERIOD)
+    _, series = fit_series(cohort, PERIOD)
     assert series.at(0.3).vertices == pytest.approx(series.at(0.3 + PERIOD).vertices, abs=1e-9)
     size = ball.volume / 1000
     time, found, low, high = series.volumes.T
-    true = np.array([size * np.prod(beating(one)) for one in time])
-    off = [size * np.prod(by) - size * np.prod(beating(one)) for one, by in zip(times, axes, strict=True)]
+    true, at_frames = ([size * np.prod(beating(one)) for one in every] for every in (time, times))
+    off = size * np.prod(axes, axis=1) - at_frames
     assert np.sqrt(np.mean((found - true) ** 2)) < 0.75 * np.sqrt(np.mean(np.square(off)))
     assert np.mean((low <= true) & (true <= high)) > 0.8
-    assert series.ejection[1] < 1 - true.min() / true.max() < series.ejection[2]
+    assert series.ejection[1] < 1 - min(true) / max(true) < series.ejection[2]
 
 
 def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path):

@@ -11,7 +11,7 @@ from cccd.containers import Curves, Frame, Sections
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 

@@ -9,7 +9,7 @@ from support.shapes import curves_of
 from cccd.bands.signs import Slices
 from cccd.containers import Sections
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.surface.moving_branches import SliceParts, follow_branches, move_branches
 
 PIXEL, GAP = np.ones(2), 5.0

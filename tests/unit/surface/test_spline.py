@@ -14,8 +14,8 @@ from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
 from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
+from cccd.surface.loft import loft_surface
 from cccd.surface.spline_fit import SplineFit, Target
 
 NOWHERE = (-np.inf, np.inf)

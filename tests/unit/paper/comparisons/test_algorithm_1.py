@@ -7,7 +7,7 @@ from cccd.containers import Sections
 from cccd.curves.fitting import fit_splines
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.ordering import order_boundaries

@@ -8,7 +8,7 @@ from support import shapes
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface import loft_surface
+from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.ordering import count_changes
