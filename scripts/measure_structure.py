@@ -15,7 +15,6 @@ from cccd.store import (
     write_json,
     write_view,
 )
-from cccd.surface.checks import check_walls
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
 from cccd_workflow.job import job
@@ -46,7 +45,6 @@ with job(snakemake.log[0], name, snakemake.input, snakemake.output):
             *doubtful_slices(ordering),
             *fitting["warnings"],
             *surface.report["warnings"],
-            *([] if surface.bodies else check_walls(surface.mesh, structure)),
             *volume_warnings(figures),
             *(warning for report in (*solids.values(), *volumes) for warning in report["warnings"]),
         ],
