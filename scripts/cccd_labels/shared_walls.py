@@ -31,7 +31,7 @@ from cccd.inputs.annotation import with_undrawn_filled
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_conforming, read_report, read_structure
 from cccd.surface.borders import find_borders
-from cccd.surface.checks import check_walls
+from cccd.surface.checks import check_walls, crossing
 from cccd.surface.loft import band_of
 from cccd.surface.smooth_mesh import ROUNDS, default_wave
 from cccd.surface.surface import LoftedSurface
@@ -66,8 +66,9 @@ MOST_OFFSET = 0.5
 VOLUME_ROUNDS = 4
 #: A volume that is off by more than this share is reported.
 VOLUME = 0.01
-#: Times that vertices of triangles that pass through each other go halfway back.
-UNFOLDING_ROUNDS = 10
+#: Times that vertices of triangles that pass through each other go halfway back, and the share of these pairs
+#: that has to part each time: what does not passes through itself where it began, too.
+UNFOLDING_ROUNDS, PARTED = 10, 0.1
 
 
 @dataclass(frozen=True, eq=False)
@@ -268,7 +269,7 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
-    vertices, passing = _unfolded(
+    vertices, pairs = _unfolded(
         replace(walls, vertices=vertices),
         lambda: walls.vertices - moved[cKDTree(smooth).query(walls.vertices)[1]],
     )
@@ -278,8 +279,9 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     numbers = {label: number for number, label in enumerate(labels, 1) if label not in alone}
     names = {label: fields.structures[number].organ for label, number in numbers.items()}
     surface = ConformingSurface(vertices, walls.triangles[kept], regions[kept], names)
-    facts = {label: fields.facts[number] for label, number in numbers.items()}
-    return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, passing)
+    warnings = _crossings(replace(walls, vertices=vertices, regions=regions), pairs, frame, fields.first)
+    facts = {label: _with_warnings(fields.facts[n], warnings.get(label, [])) for label, n in numbers.items()}
+    return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
 def _rough(fields: LabelFields) -> tuple[ConformingSurface, int]:
@@ -338,6 +340,23 @@ def _in_world(surface: ConformingSurface, frame: Frame, first: IntArray) -> Conf
     used = np.bincount(moved.faces.ravel(), minlength=len(moved.vertices)) > 0
     number = np.cumsum(used) - 1  # quicker than sorting
     return replace(surface, vertices=moved.vertices[used], triangles=number[moved.faces])
+
+
+def _crossings(
+    surface: ConformingSurface, pairs: IntArray, frame: Frame, first: IntArray
+) -> dict[int, list[str]]:
+    """Tell by label where triangles of pairs (K, 2) that pass through each other are both of one organ."""
+    beside = surface.regions[pairs]
+    mesh, to_world = Mesh(surface.vertices, surface.triangles), _plane_to_world(frame, first)
+    found = {
+        label: crossing(mesh, pairs[(beside == label).any(axis=2).all(axis=1)])
+        for label in np.unique(beside).tolist()
+    }
+    return {label: [violation.line(to_world) for violation in organ] for label, organ in found.items()}
+
+
+def _with_warnings(facts: dict[str, Any], further: list[str]) -> dict[str, Any]:
+    return facts | {"warnings": [*facts["warnings"], *further]}
 
 
 def _plane_to_world(frame: Frame, first: IntArray) -> FloatArray:
@@ -465,21 +484,23 @@ def _with_volumes(
     return vertices
 
 
-def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tuple[FloatArray, int]:
+def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tuple[FloatArray, IntArray]:
     """Vertices (V, 3) that go back to ``where`` they were wherever triangles pass through each other.
 
-    Returns them and how many pairs of triangles still do.
+    Returns them and the pairs (K, 2) of triangles that still do.
     """
     vertices, triangles = surface.vertices.copy(), MovingTriangles(surface.triangles)
     pairs = triangles.passing_pairs(vertices)
-    before = where() if len(pairs) else vertices
-    for _ in range(UNFOLDING_ROUNDS):
-        if len(pairs) == 0:
+    before, most = where() if len(pairs) else vertices, np.inf
+    for number in range(UNFOLDING_ROUNDS):
+        if len(pairs) == 0 or (number > 1 and len(pairs) > (1 - PARTED) * most):
             break
+        most = len(pairs)
         passing = np.zeros(len(surface.triangles), np.bool_)
         passing[pairs] = True
         beside = Mesh(vertices, surface.triangles).with_neighbours(passing)
         folded = np.unique(surface.triangles[beside])
         vertices[folded] = (vertices[folded] + before[folded]) / 2
         pairs = triangles.passing_pairs(vertices)
-    return vertices, len(pairs)
+        print("PAIRS", len(pairs), len(folded), flush=True)
+    return vertices, pairs

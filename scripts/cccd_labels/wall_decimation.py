@@ -17,6 +17,9 @@ __all__ = ["simplified"]
 
 #: Vertices further than this from all former ones, in edges, are looked at: they lie on the wall.
 NEAR = 0.75
+#: A patch of more triangles that tears becomes blocks, so that what tears again is small. Lines between
+#: blocks stay, with 1 % of the triangles.
+BLOCK = 60_000
 #: Patches of fewer triangles keep them.
 FEWEST = 64
 #: Of so many triangles of a flat wall one is left.
@@ -52,19 +55,28 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
     members, fewer = list[IntArray](), list[Mesh | None]()
     patch = np.zeros(len(wall), np.int64)
     while waiting:
-        faces = waiting.pop()
-        mesh = None
-        if len(faces) >= FEWEST:
-            part = Mesh(surface.vertices, surface.triangles[faces]).compact()
-            mesh, torn = _collapsed(part, near, tolerance)
-            if torn is not None:
-                aside = _beside(part, mesh.vertices[torn], near)
-                waiting += [faces[aside], faces[~aside]]
-                continue
-        patch[faces] = len(members)
-        members.append(faces)
-        fewer.append(mesh)
+        for faces, keep in _pieces(surface, waiting.pop()):
+            mesh = None
+            if not keep:
+                part = Mesh(surface.vertices, surface.triangles[faces]).compact()
+                mesh, torn = _collapsed(part, near, tolerance)
+                if torn is not None:
+                    waiting += [faces[piece] for piece in _split(part, mesh.vertices[torn], near)]
+                    continue
+            patch[faces] = len(members)
+            members.append(faces)
+            fewer.append(mesh)
     return _joined(surface, members, fewer, np.flatnonzero(_of_several(surface, patch)))
+
+
+def _pieces(surface: ConformingSurface, faces: IntArray) -> list[tuple[IntArray, bool]]:
+    """Split triangles into connected pieces, and those of few triangles, together, that are to be kept."""
+    number = Mesh(surface.vertices, surface.triangles[faces]).compact().piece_numbers
+    few = np.bincount(number)[number] < FEWEST
+    order = np.argsort(number[~few], kind="stable")
+    large = np.split(faces[~few][order], np.flatnonzero(np.diff(number[~few][order])) + 1)
+    pieces = [(piece, False) for piece in large] + [(faces[few], True)]
+    return [(piece, keep) for piece, keep in pieces if len(piece)]
 
 
 def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
@@ -104,16 +116,35 @@ def _collapsed(before: Mesh, near: float, tolerance: float) -> tuple[Mesh, IntAr
     return after, None
 
 
-def _beside(part: Mesh, torn: FloatArray, near: float) -> BoolArray:
-    """Triangles (F,) as near to edges (K, 2, 3) as these are long, or half of all where those are not few."""
+def _split(part: Mesh, torn: FloatArray, near: float) -> list[IntArray]:
+    """Split a patch's triangles: a large one into blocks, a small one where edges (K, 2, 3) are torn.
+
+    Apart go triangles that are as near to these as they are long, or half of all where those are not few.
+    """
     middle = part.vertices[part.faces].mean(axis=1)
+    everything = np.arange(len(middle))
+    if len(middle) > BLOCK:
+        return _blocks(middle, everything)
     if len(torn):
         reach = max(near, float(np.linalg.norm(torn[:, 0] - torn[:, 1], axis=1).max()))
         aside: BoolArray = np.asarray(cKDTree(torn.reshape(-1, 3)).query(middle)[0]) < reach
         if 0 < np.count_nonzero(aside) < len(aside) / 2:
-            return aside
-    order = np.argsort(middle[:, np.argmax(np.ptp(middle, axis=0))], kind="stable")
-    return order.argsort() < len(order) // 2
+            return [everything[aside], everything[~aside]]
+    return _halves(middle, everything)
+
+
+def _blocks(middle: FloatArray, chosen: IntArray) -> list[IntArray]:
+    """Halve what is chosen of points (F, 3) until no block has more than `BLOCK`."""
+    if len(chosen) <= BLOCK:
+        return [chosen]
+    return [block for half in _halves(middle, chosen) for block in _blocks(middle, half)]
+
+
+def _halves(middle: FloatArray, chosen: IntArray) -> list[IntArray]:
+    """Halve what is chosen of points (F, 3) across its longest side."""
+    points = middle[chosen]
+    order = np.argsort(points[:, np.argmax(np.ptp(points, axis=0))], kind="stable")
+    return [chosen[half] for half in np.array_split(order, 2)]
 
 
 def _outline(mesh: Mesh) -> tuple[tuple[int, int, int], IntArray]:

@@ -1,4 +1,4 @@
-"""Which triangles of a mesh pass through each other: those that libigl finds to meet, less what touches."""
+"""Which triangles of a mesh pass through each other: of those that may, those that libigl finds to meet."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import numpy as np
 
 from cccd.geometry._igl import igl
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.patches import may_cross
 
 __all__ = ["MovingTriangles", "passing_pairs"]
 
@@ -64,12 +65,13 @@ def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = 
     """
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
     if of is None:
-        pairs = igl.predicates.find_self_intersections(vertices, faces)[1]
+        chosen = np.flatnonzero(may_cross(vertices, faces))
+        pairs = chosen[igl.predicates.find_self_intersections(vertices, faces[chosen])[1].reshape(-1, 2)]
     else:
         chosen = np.flatnonzero(of)
         pairs = igl.predicates.find_intersections(vertices, faces[chosen], vertices, faces)[1].reshape(-1, 2)
         pairs[:, 0] = chosen[pairs[:, 0]]
-    pairs = np.sort(pairs.reshape(-1, 2), axis=1)
+    pairs = np.sort(pairs, axis=1)
     pairs = np.column_stack(np.divmod(np.unique(pairs @ [len(faces), 1]), max(len(faces), 1)))
     return pairs[_pass(vertices, faces[pairs[:, 0]], faces[pairs[:, 1]])]
 

@@ -12,6 +12,7 @@ import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
+from cccd.geometry.sides import opposite_sides, pinched_vertices
 
 if TYPE_CHECKING:
     import pyvista
@@ -166,12 +167,8 @@ class Mesh:
         faces = self.faces
         if len(faces) == 0 or np.any(faces == np.roll(faces, 1, axis=1)):
             return False
-        count = int(faces.max()) + 1
-        start, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-        forward, backward = np.sort(start * count + end), end * count + start
-        if np.any(forward[1:] == forward[:-1]) or not np.array_equal(forward, np.sort(backward)):
-            return False
-        return _count_fans(faces) == self._used()
+        opposite = opposite_sides(faces)
+        return bool((opposite >= 0).all() and not pinched_vertices(faces, opposite).any())
 
     @property
     def is_closed(self) -> bool:
@@ -200,7 +197,7 @@ class Mesh:
 
     def count_pieces(self) -> int:
         """Count the connected pieces."""
-        return int(self._pieces.max(initial=-1)) + 1
+        return int(self.piece_numbers.max(initial=-1)) + 1
 
     def count_bodies(self) -> int:
         """Count the connected pieces that are not the inside of a cavity: those of positive volume."""
@@ -209,7 +206,7 @@ class Mesh:
     @property
     def piece_volumes(self) -> FloatArray:
         """Volumes (N,) of the connected pieces of a closed mesh; less than zero for a cavity's."""
-        return np.bincount(self._pieces, np.einsum("fc,fc->f", *self._spanned())).astype(float) / 6
+        return np.bincount(self.piece_numbers, np.einsum("fc,fc->f", *self._spanned())).astype(float) / 6
 
     # Other meshes and points from this one
 
@@ -231,7 +228,7 @@ class Mesh:
 
     def pieces(self) -> list[Mesh]:
         """Split the mesh into its connected pieces, without unused vertices."""
-        piece = self._pieces
+        piece = self.piece_numbers
         order = np.argsort(piece, kind="stable")
         parts = np.split(self.faces[order], np.flatnonzero(np.diff(piece[order])) + 1)
         return [Mesh(self.vertices, faces).compact() for faces in parts if len(faces)]
@@ -354,7 +351,7 @@ class Mesh:
         return int(np.count_nonzero(np.bincount(self.faces.ravel())))
 
     @cached_property
-    def _pieces(self) -> IntArray:
+    def piece_numbers(self) -> IntArray:
         """Give each face (F,) the number, from 0, of the connected piece that it is of."""
         piece = connected_parts(
             self.faces.ravel(), np.roll(self.faces, 1, axis=1).ravel(), len(self.vertices)
@@ -369,17 +366,3 @@ class Mesh:
         middle: FloatArray = self.vertices.mean(axis=0)
         a, b, c = (self.vertices[self.faces[:, corner]] - middle for corner in range(3))
         return a, np.cross(b, c)
-
-
-def _count_fans(faces: IntArray) -> int:
-    """Count fans: corners joined with the neighbouring corner across an edge at the same vertex."""
-    count = int(faces.max()) + 1
-    corner = np.arange(faces.size)
-    following = corner // 3 * 3 + (corner + 1) % 3
-    preceding = corner // 3 * 3 + (corner + 2) % 3
-    vertex = faces.ravel()
-    leaving = vertex * count + vertex[following]
-    arriving = vertex * count + vertex[preceding]
-    partner = np.empty_like(corner)
-    partner[np.argsort(arriving)] = np.argsort(leaving)  # both hold all edges, each once
-    return int(connected_parts(corner, partner, faces.size).max()) + 1

@@ -76,7 +76,7 @@ def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) 
     if not mesh.is_closed_manifold:
         found.append(Violation("the surface is not closed"))
     pairs = mesh.self_intersections() if pairs is None else pairs
-    found += _crossing(mesh, pairs)
+    found += crossing(mesh, pairs)
     found += _off_slices(mesh, stack)
     found += _off_between(mesh, stack)
     return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, stack)
@@ -85,7 +85,7 @@ def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) 
 def check_walls(mesh: Mesh, structure: Structure) -> list[str]:
     """Find what is wrong with a surface whose walls are shared: lines for people.
 
-    It passes nowhere through itself, and is nowhere further from the organ's voxels than their diagonal.
+    It is closed, and nowhere further from the organ's voxels than their diagonal.
 
     Parameters
     ----------
@@ -97,13 +97,12 @@ def check_walls(mesh: Mesh, structure: Structure) -> list[str]:
     found: list[Violation] = []
     if not mesh.is_closed_manifold:
         found.append(Violation("the surface is not a closed manifold"))
-    found += _crossing(mesh, mesh.self_intersections())
     if structure.mask is not None and structure.annotation is None:
         found += _off_voxels(mesh, structure.mask, structure.frame.affine, structure.origin)
     return [violation.line(np.eye(4)) for violation in found]
 
 
-def _crossing(mesh: Mesh, pairs: IntArray) -> list[Violation]:
+def crossing(mesh: Mesh, pairs: IntArray) -> list[Violation]:
     """Report pairs (K, 2) of triangles that pass through each other."""
     if not len(pairs):
         return []

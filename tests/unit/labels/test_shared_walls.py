@@ -238,3 +238,16 @@ def test_a_spinal_cord_in_its_vertebra():
         voxel = abs(np.linalg.det(image.affine))
         assert mesh.volume == pytest.approx(np.count_nonzero(organ.mask) * voxel, rel=0.01)
         assert mesh.count_bodies() >= 1
+
+
+def test_an_organ_that_passes_through_itself_says_so_with_the_number_of_places():
+    labels = np.pad(np.random.default_rng(3).integers(0, 4, (24, 24, 24)), 2)
+    organs = organs_of(labels)
+    shared = share_walls(organs, LoftSettings())
+    assert shared.passing
+    for label, organ in organs.items():
+        places = len(shared.surface.mesh_of(label).self_intersections())
+        said = [
+            line for line in shared.organ(label, organ, LoftSettings()).report["warnings"] if "itself" in line
+        ]
+        assert (f"in {places} place" in said[0]) if places else said == []
