@@ -332,6 +332,13 @@ class Structure:
         return MaskStack(self.required_stack("mask")) if level is None else level
 
     @property
+    def affine(self) -> np.ndarray:
+        """Affine (4, 4) from the indices of the structure's arrays to mm RAS."""
+        affine = np.array(self.frame.affine, float)
+        affine[:3, 3] += affine[:3, :3] @ self.origin
+        return affine
+
+    @property
     def voxels(self) -> np.ndarray:
         """What stands for the organ, on the grid of the structure's arrays (a, b, c): contours are filled.
 

@@ -167,9 +167,8 @@ def thin_once(
 ) -> Thinned | None:
     """Loft what is kept of a structure's mask, and compare; None where too few slices are left."""
     name = f"{structure.case}/{structure.organ}"
-    mask, affine = structure.mask, structure.frame.affine.copy()
+    mask, affine = structure.mask, structure.affine
     assert mask is not None
-    affine[:3, 3] += affine[:3, :3] @ structure.origin
     kept, grid = how.of(mask, affine)
     if np.count_nonzero(kept.any(axis=tuple(axis for axis in range(3) if axis != how.axis))) < LEAST_SLICES:
         return None

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from cccd.commands.outputs import check_files
+from cccd.commands.outputs import check_files, with_name
 from cccd.containers import Grid
 from cccd.errors import InputError
 from cccd.inputs.load import existing
@@ -17,7 +17,7 @@ from cccd.inputs.nifti_export import write_nifti
 from cccd.inputs.row_files import label_values, read_image
 from cccd.settings.root import Settings
 from cccd.store import atomic_path
-from cccd_labels.relabelling import finer_grid, name_of_soft, relabelled, share_of_voxels
+from cccd_labels.relabelling import finer_grid, relabelled, share_of_voxels
 from cccd_labels.whole_map import WholeMap
 
 __all__ = ["add_relabel"]
@@ -40,7 +40,6 @@ def add_relabel(command: argparse.ArgumentParser) -> None:
 
 
 def _relabel(given: argparse.Namespace) -> int:
-
     if (given.voxel is None) == (given.like is None):
         raise InputError("--voxel", "one of --voxel and --like is needed", "name one of them")
     if given.voxel is not None and not given.voxel > 0:
@@ -70,7 +69,7 @@ def _relabel(given: argparse.Namespace) -> int:
                 low, share = share_of_voxels(surface.surface.lofted.mesh, grid)
                 soft = np.zeros(grid.shape, np.float32)
                 soft[tuple(slice(a, a + n) for a, n in zip(low, share.shape, strict=True))] = share
-                with atomic_path(name_of_soft(given.output, surface.surface.name)) as path:
+                with atomic_path(with_name(given.output, surface.surface.name)) as path:
                     write_nifti(path, soft, grid.affine)
     with atomic_path(given.output) as path:
         write_nifti(path, labels, grid.affine)

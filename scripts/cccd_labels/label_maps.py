@@ -9,7 +9,7 @@ import json
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from cccd.inputs.grid import Volume
 from cccd.inputs.labels import freesurfer_labels, plain_name
 from cccd.inputs.readers import is_zarr
 from cccd.inputs.row_files import label_values, list_labels, read_masks
+from cccd.store import read_json, write_json
 
 __all__ = [
     "MapLabel",
@@ -140,7 +141,7 @@ def _named(
         labels.append(MapLabel(label, name, organ, colour, row.code, why.get(label, "")))
     twice = {organ for organ, count in Counter(label.organ.lower() for label in labels).items() if count > 1}
     return [
-        MapLabel(**{**asdict(label), "organ": f"{label.organ}_{plain_name(label.label)}"})
+        replace(label, organ=f"{label.organ}_{plain_name(label.label)}")
         if label.organ.lower() in twice
         else label
         for label in labels
@@ -352,16 +353,13 @@ def _remembered(folder: Path, row: Mapping[str, str], cache: Path) -> tuple[list
     beside = [path.parent / "dataset.json", path.parent.parent / "dataset.json"]
     files = [path, *(sorted(path.iterdir()) if path.is_dir() else ()), *beside, *([table] if table else [])]
     stamps = [(str(file), file.stat().st_mtime_ns, file.stat().st_size) for file in files if file.exists()]
-    key = hashlib.sha256(json.dumps([3, str(table), stamps]).encode()).hexdigest()[:24]
+    key = hashlib.sha256(json.dumps([4, str(table), stamps]).encode()).hexdigest()[:24]
     known = cache / f"{key}.json"
     try:
-        return [MapLabel(**label) for label in json.loads(known.read_text(encoding="utf-8"))], False
-    except (OSError, TypeError, ValueError):
+        return [MapLabel(**label) for label in read_json(known)["labels"]], False
+    except (OSError, KeyError, TypeError, ValueError):
         found = list_map(path, table)
-    cache.mkdir(parents=True, exist_ok=True)
-    temporary = known.with_suffix(".part")
-    temporary.write_text(json.dumps([asdict(label) for label in found]), encoding="utf-8")
-    temporary.replace(known)
+    write_json(known, {"labels": [asdict(label) for label in found]})
     return found, True
 
 

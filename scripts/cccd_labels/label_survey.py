@@ -24,7 +24,7 @@ from cccd.settings.root import Settings
 from cccd_labels.label_maps import MapLabel, colour_of, list_map, read_parts
 from cccd_viewers.regions import DrawnLabels
 
-__all__ = ["SurveyedLabel", "affine_of", "measure_labels", "survey_labels"]
+__all__ = ["SurveyedLabel", "measure_labels", "survey_labels"]
 
 
 class SurveyedLabel(NamedTuple):
@@ -43,12 +43,9 @@ class SurveyedLabel(NamedTuple):
     def caption(self) -> str:
         """Value, name and volume."""
         named = self.label if self.name in ("", self.label) else f"{self.label} {self.name}"
-        return named if self.volume_ml is None else f"{named}, {_three_digits(self.volume_ml)} ml"
-
-
-def _three_digits(volume: float) -> str:
-    """Write a volume with three digits, or all those before its point."""
-    return f"{volume:.0f}" if volume >= 100 else f"{volume:.3g}"
+        if self.volume_ml is None:
+            return named
+        return f"{named}, {self.volume_ml:{'.0f' if self.volume_ml >= 100 else '.3g'}} ml"
 
 
 def measure_labels(path: Path, table: Path | None = None) -> list[tuple[SurveyedLabel, Volume | None]]:
@@ -88,7 +85,7 @@ def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel,
         except InputError as error:
             yield replace(label, left_out=error.problem), None
         else:
-            yield label, Volume(organ.voxels, affine_of(organ), label.name)
+            yield label, Volume(organ.voxels, organ.affine, label.name)
 
 
 def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabel:
@@ -98,13 +95,6 @@ def _surveyed(label: MapLabel, part: Volume | None, number: int) -> SurveyedLabe
     small = part is not None and label.left_out
     note = f"{label.left_out}: too small for a surface" if small else label.left_out
     return SurveyedLabel(label.label, label.name, volume, note, label.colour or colour_of(number))
-
-
-def affine_of(structure: Structure) -> FloatArray:
-    """Affine (4, 4) of the structure's arrays."""
-    affine = structure.frame.affine.copy()
-    affine[:3, 3] += affine[:3, :3] @ structure.origin
-    return affine
 
 
 def survey_labels(
@@ -142,7 +132,7 @@ def survey_labels(
     structure = replace(structure, organ=structure.case)
     ranks = np.zeros(structure.voxels.shape, np.int32)
     for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
-        _paint(ranks, affine_of(structure), part, rank)
+        _paint(ranks, structure.affine, part, rank)
     drawn = DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told])
     return structure, told, drawn
 

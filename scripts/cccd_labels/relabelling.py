@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from pathlib import Path
 
 import numpy as np
 from scipy import ndimage
@@ -12,14 +11,13 @@ from cccd.containers import Grid
 from cccd.errors import InputError
 from cccd.geometry.arrays import IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxelise
+from cccd.geometry.raster import block_of, voxelise, voxels_within
 from cccd.inputs.grid import Volume
 from cccd.inputs.row_files import label_values
 from cccd_labels.label_maps import MapLabel
-from cccd_labels.scene import block_of, voxels_within
 from cccd_labels.whole_map import LabelSurface, WholeMap
 
-__all__ = ["finer_grid", "name_of_soft", "relabelled", "share_of_voxels"]
+__all__ = ["finer_grid", "relabelled", "share_of_voxels"]
 
 #: A voxel's share is counted at so many points along each of its edges.
 POINTS = 4
@@ -73,11 +71,8 @@ def relabelled(
     made: set[int] = set()
     for one in whole.surfaces(n_jobs, tell):
         made.add(one.number)
-        yield (
-            _value(one.label, one.number),
-            one,
-            _claimed(voxels_within(one.surface.lofted.mesh, grid), taken),
-        )
+        inside = voxels_within(one.surface.lofted.mesh, grid.affine, grid.shape)
+        yield _value(one.label, one.number), one, _claimed(inside, taken)
     left = {number: label for number, label in whole.labels.items() if number not in made}
     volume = label_values(whole.path) if left else None
     if volume is not None:
@@ -101,7 +96,7 @@ def _claimed(voxels: IntArray, taken: np.ndarray[tuple[int], np.dtype[np.bool_]]
 
 def share_of_voxels(mesh: Mesh, grid: Grid) -> tuple[IntArray, SingleArray]:
     """Which share of each voxel a mesh holds: the first voxel (3,) of a block, and its shares (A, B, C)."""
-    low, shape = block_of(mesh, grid)
+    low, shape = block_of(mesh, grid.affine, grid.shape)
     fine = grid.affine @ np.diag([*(1 / POINTS,) * 3, 1.0])
     fine[:3, 3] = (grid.affine @ [*(low - 0.5 + 0.5 / POINTS), 1])[:3]
     a, b, c = shape
@@ -119,9 +114,3 @@ def _nearest(volume: Volume, grid: Grid) -> IntArray:
     return ndimage.affine_transform(
         volume.data, matrix, offset, grid.shape, order=0, mode="grid-constant"
     ).ravel()
-
-
-def name_of_soft(path: Path, organ: str) -> Path:
-    """Name the file of one label's shares beside the label map's."""
-    stem = path.name.removesuffix(".gz").removesuffix(".nii")
-    return path.with_name(f"{stem}_{organ}.nii.gz")

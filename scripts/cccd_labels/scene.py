@@ -8,21 +8,18 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from cccd.containers import Frame, Grid
+from cccd.containers import Frame
 from cccd.files.gltf import TO_GLTF, gltf_material
-from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxelise
+from cccd.geometry.raster import voxels_within
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.settings.formats import NOTE
 from cccd_labels.label_maps import colour_of
 
 __all__ = [
     "SceneOrgan",
-    "block_of",
     "describe_scene",
     "name_organs",
-    "voxels_within",
     "write_scene",
     "write_segmentation",
 ]
@@ -110,7 +107,7 @@ def write_segmentation(path: Path, organs: Sequence[SceneOrgan], frame: Frame) -
     largest = max(organ.label for organ in organs)
     voxels = np.zeros(frame.shape, np.uint8 if largest < 256 else np.uint16 if largest < 65536 else np.uint32)
     for organ in organs:
-        voxels.reshape(-1)[voxels_within(organ.mesh, frame)] = organ.label
+        voxels.reshape(-1)[voxels_within(organ.mesh, frame.affine, frame.shape)] = organ.label
     image = sitk.GetImageFromArray(np.ascontiguousarray(voxels.T))
     affine = LPS_TO_RAS @ frame.affine  # its own inverse
     image.SetOrigin(affine[:3, 3].tolist())
@@ -146,23 +143,3 @@ def _terminology(organ: SceneOrgan) -> str:
     entry = f"{scheme}^{value}^{meaning or organ.name}"
     category = "SCT^123037004^Anatomical Structure"
     return f"{_CONTEXT}~{category}~{entry}~^^~Anatomic codes - DICOM master list~^^~^^"
-
-
-def block_of(mesh: Mesh, grid: Grid | Frame) -> tuple[IntArray, tuple[int, int, int]]:
-    """First voxel (3,) and shape of the block of a grid that a mesh reaches."""
-    to_index = np.linalg.inv(grid.affine)
-    index = mesh.vertices @ to_index[:3, :3].T + to_index[:3, 3]
-    limit = np.array(grid.shape)
-    low = np.clip(np.floor(index.min(axis=0)).astype(np.int64), 0, limit)
-    high = np.clip(np.ceil(index.max(axis=0)).astype(np.int64) + 1, low, limit)
-    a, b, c = (int(size) for size in high - low)
-    return low, (a, b, c)
-
-
-def voxels_within(mesh: Mesh, grid: Grid | Frame) -> IntArray:
-    """Flat indices (N,) of the voxels whose centres a mesh holds."""
-    low, shape = block_of(mesh, grid)
-    if 0 in shape:
-        return np.zeros(0, np.int64)
-    inside = np.argwhere(voxelise(mesh, grid.affine, shape, low)) + low
-    return np.asarray(np.ravel_multi_index(tuple(inside.T), grid.shape), np.int64)

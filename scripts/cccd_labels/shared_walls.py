@@ -280,7 +280,9 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     names = {label: fields.structures[number].organ for label, number in numbers.items()}
     surface = ConformingSurface(vertices, walls.triangles[kept], regions[kept], names)
     warnings = _crossings(replace(walls, vertices=vertices, regions=regions), pairs, frame, fields.first)
-    facts = {label: _with_warnings(fields.facts[n], warnings.get(label, [])) for label, n in numbers.items()}
+    facts = {label: dict(fields.facts[number]) for label, number in numbers.items()}
+    for label, known in facts.items():
+        known["warnings"] = [*known["warnings"], *warnings.get(label, [])]
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
@@ -353,10 +355,6 @@ def _crossings(
         for label in np.unique(beside).tolist()
     }
     return {label: [violation.line(to_world) for violation in organ] for label, organ in found.items()}
-
-
-def _with_warnings(facts: dict[str, Any], further: list[str]) -> dict[str, Any]:
-    return facts | {"warnings": [*facts["warnings"], *further]}
 
 
 def _plane_to_world(frame: Frame, first: IntArray) -> FloatArray:

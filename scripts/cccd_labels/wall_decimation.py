@@ -122,29 +122,18 @@ def _split(part: Mesh, torn: FloatArray, near: float) -> list[IntArray]:
     Apart go triangles that are as near to these as they are long, or half of all where those are not few.
     """
     middle = part.vertices[part.faces].mean(axis=1)
-    everything = np.arange(len(middle))
-    if len(middle) > BLOCK:
-        return _blocks(middle, everything)
-    if len(torn):
+    if len(torn) and len(middle) <= BLOCK:
         reach = max(near, float(np.linalg.norm(torn[:, 0] - torn[:, 1], axis=1).max()))
         aside: BoolArray = np.asarray(cKDTree(torn.reshape(-1, 3)).query(middle)[0]) < reach
         if 0 < np.count_nonzero(aside) < len(aside) / 2:
-            return [everything[aside], everything[~aside]]
-    return _halves(middle, everything)
+            return [np.flatnonzero(aside), np.flatnonzero(~aside)]
+    return _leaves(cKDTree(middle, min(BLOCK, -(-len(middle) // 2))).tree)
 
 
-def _blocks(middle: FloatArray, chosen: IntArray) -> list[IntArray]:
-    """Halve what is chosen of points (F, 3) until no block has more than `BLOCK`."""
-    if len(chosen) <= BLOCK:
-        return [chosen]
-    return [block for half in _halves(middle, chosen) for block in _blocks(middle, half)]
-
-
-def _halves(middle: FloatArray, chosen: IntArray) -> list[IntArray]:
-    """Halve what is chosen of points (F, 3) across its longest side."""
-    points = middle[chosen]
-    order = np.argsort(points[:, np.argmax(np.ptp(points, axis=0))], kind="stable")
-    return [chosen[half] for half in np.array_split(order, 2)]
+def _leaves(node: Any) -> list[IntArray]:
+    """Gather the points of the boxes that a tree ends in."""
+    whole = node.split_dim < 0
+    return [np.sort(node.indices)] if whole else [*_leaves(node.lesser), *_leaves(node.greater)]
 
 
 def _outline(mesh: Mesh) -> tuple[tuple[int, int, int], IntArray]:

@@ -19,11 +19,9 @@ __all__ = ["describe_scan", "gather_tables", "write_scan", "write_truth"]
 
 def write_scan(image: str | Path, mask: str | Path, structure: Structure) -> None:
     """Write a scan's grey values (HU, int16) and its mask (uint8) as NIfTI, cropped to the organ."""
-    affine = structure.frame.affine.copy()
-    affine[:3, 3] += affine[:3, :3] @ structure.origin
     for path, name, kind in ((image, "image", np.int16), (mask, "mask", np.uint8)):
         with atomic_path(path) as temporary:
-            write_nifti(temporary, np.asarray(getattr(structure, name)).astype(kind), affine)
+            write_nifti(temporary, np.asarray(getattr(structure, name)).astype(kind), structure.affine)
 
 
 def write_truth(path: str | Path, structure: Structure) -> None:

@@ -26,7 +26,7 @@ from cccd.inputs.load import existing
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
 from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
-from cccd_labels.label_survey import affine_of, measure_labels
+from cccd_labels.label_survey import measure_labels
 from cccd_meshes.closed_meshes import mend
 from cccd_workflow.limits import LIMITS, TOLERANCE_MM
 
@@ -200,7 +200,7 @@ def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Sh
         return [_Shape.of_mesh(_closed(found.mesh, path.name, notes))]
     if label:
         structure = read(path, label)
-        voxels = Volume(structure.voxels, affine_of(structure), path.name)
+        voxels = Volume(structure.voxels, structure.affine, path.name)
         return [_Shape.of_voxels(voxels, label, "")]
     shapes: list[_Shape] = []
     for surveyed, part in measure_labels(path):

@@ -373,9 +373,7 @@ def scan_of(structure: Structure) -> Volume | None:
     """Return the grey values around an organ, with where they lie; None where there are none."""
     if structure.image is None:
         return None
-    affine = np.array(structure.frame.affine, float)
-    affine[:3, 3] += affine[:3, :3] @ structure.origin
-    return Volume(structure.image, affine, f"the scan of {structure.organ}")
+    return Volume(structure.image, structure.affine, f"the scan of {structure.organ}")
 
 
 # cropping -------------------------------------------------------------------------------------------
