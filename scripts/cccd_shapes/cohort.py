@@ -14,7 +14,6 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.distance import cdist
 from scipy.spatial.transform import Rotation
-from scipy.stats import mode
 from tqdm import tqdm
 
 from cccd.errors import InputError
@@ -164,7 +163,8 @@ def _medoid(subjects: Sequence[Subject]) -> Subject:
         [to_mesh(probes * a + centroid(one), one) / a for one, a in zip(rough, sizes, strict=True)]
     )
     genus = np.array([subject.mesh.genus for subject in subjects])
-    usual = genus == mode(genus).mode
+    kinds, counts = np.unique(genus, return_counts=True)
+    usual = genus == kinds[counts.argmax()]
     return subjects[int(np.argmin(np.where(usual, cdist(distances, distances).sum(axis=1), np.inf)))]
 
 

@@ -81,7 +81,7 @@ def _write_particles(path: Path, spline: ControlMesh) -> None:
         np.savetxt(part, spline.tessellate(0).vertices, "%.6f")
 
 
-def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.DataFrame) -> list[str]:
+def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: Mapping[str, Any]) -> list[str]:
     """Write mean, modes and how good they are; return a line for each drawn shape that crosses itself."""
     frame, spline = cohort.subjects[0].frame, cohort.template.spline
     arrays = {"mean": model.mean, "modes": model.modes, "deviations_mm": model.deviations}
@@ -90,7 +90,7 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: pd.Dat
     _write_arrays(folder / "modes.h5", arrays, {"names": names})
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     _write_page(folder / "modes.html", spline.moved(model.mean), model, shown)
-    write_table(folder / "modes.csv", quality)
+    write_table(folder / "modes.csv", pd.DataFrame(quality))
     _write_spline(folder / "mean", spline.moved(model.mean), frame)
     warnings: list[str] = []
     for number in range(shown):

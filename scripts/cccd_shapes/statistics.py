@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import pandas as pd
 from scipy.sparse import csr_array
 from scipy.spatial.distance import cdist
 
@@ -86,12 +85,12 @@ def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
     )
 
 
-def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:
+def measure_model(model: ShapeModel, seed: int = 0) -> dict[str, FloatArray | IntArray]:
     """Measure how good a model with the first 1 to K modes is, as Davies (2002) and ShapeWorks do.
 
     Returns
     -------
-    table of K rows
+    dict of (K,) arrays
         ``compactness``: share of the variance. ``generalisation_mm``: how far (rms) each subject is from its
         nearest shape in a model of all the others. ``specificity_mm``: how far shapes that the model draws
         are from their nearest subject. The less the better; with standard errors.
@@ -103,7 +102,7 @@ def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:
     shapes = np.pad(drawn, ((0, 0), (0, place.shape[1] - most)))
     modes = np.arange(place.shape[1])
     nearest = np.array([cdist(shapes * (modes < k), place).min(axis=1) for k in range(1, most + 1)]).T
-    measured = {
+    measured: dict[str, FloatArray | IntArray] = {
         "modes": np.arange(1, 1 + most),
         "deviation_mm": model.deviations[:most],
         "compactness": model.compactness[:most],
@@ -111,7 +110,7 @@ def measure_model(model: ShapeModel, seed: int = 0) -> pd.DataFrame:
     for name, found in (("generalisation", left), ("specificity", nearest)):
         measured[f"{name}_mm"] = found.mean(axis=0)
         measured[f"{name}_error_mm"] = found.std(axis=0, ddof=1) / np.sqrt(len(found))
-    return pd.DataFrame(measured)
+    return measured
 
 
 def distances_to_others(model: ShapeModel) -> FloatArray:

@@ -8,16 +8,16 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17622,
-    "scripts/cccd_calibration": 730,
+    "scripts/cccd": 17909,
+    "scripts/cccd_calibration": 729,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
     "scripts/cccd_formats": 404,
     "scripts/cccd_junctions": 3967,
-    "scripts/cccd_labels": 2717,
+    "scripts/cccd_labels": 2709,
     "scripts/cccd_meshes": 462,
     "scripts/cccd_networks": 306,
-    "scripts/cccd_paper": 9542,
+    "scripts/cccd_paper": 9540,
     "scripts/cccd_segmentation": 1708,
     "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1980,
@@ -25,9 +25,9 @@ MOST_LINES = {
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1908,
     "scripts/cccd_viewers": 781,
-    "scripts/cccd_workflow": 5877,
+    "scripts/cccd_workflow": 5889,
     "bench": 4709,
-    "tests": 24732,
+    "tests": 24806,
 }
 
 
