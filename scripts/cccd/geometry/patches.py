@@ -94,7 +94,8 @@ class Patches:
         self.count = int(self.of.max()) + 1
         self._corners = _incidence(np.repeat(self.of, 3), faces.ravel(), (self.count, len(vertices)))
         self._points = vertices[self._corners.indices]
-        self.axes = _unit(np.column_stack([np.bincount(self.of, along) for along in self.normals.T]))
+        sums = [np.bincount(self.of, along) for along in self.normals.T]
+        self.axes = _unit(np.column_stack(sums).astype(float))
         self._cone = np.zeros(self.count)
         np.maximum.at(self._cone, self.of, _angles(self.normals, self.axes[self.of]))
 
@@ -145,12 +146,12 @@ class Patches:
         """Those of pairs (K, 2) of patches that no plane of four directions parts."""
         middle = np.add.reduceat(self._points, self._corners.indptr[:-1])
         middle /= np.diff(self._corners.indptr)[:, None]
-        normal, between = self.axes, lambda one, other: middle[other] - middle[one]
+        normal = self.axes
         directions: list[Callable[[IntArray, IntArray], FloatArray]] = [
-            between,
+            lambda one, other: middle[other] - middle[one],
             lambda one, other: normal[one],
             lambda one, other: normal[other],
-            lambda one, other: np.cross(normal[one], np.cross(between(one, other), normal[one])),
+            lambda one, other: np.cross(normal[one], np.cross(middle[other] - middle[one], normal[one])),
         ]
         for direction in directions:
             along = direction(*pairs.T)
