@@ -213,7 +213,7 @@ def _apart(small: np.ndarray, kept: np.ndarray) -> np.ndarray:
     """Voxels (P,) of each part (26-connected) of small components (S, I, J) that touches nothing kept."""
     kept, at = np.pad(kept, 1), np.argwhere(small) + 1
     while len(at):
-        near = kept[tuple((at[:, None] + _BLOCK).transpose(2, 0, 1))].any(axis=1)
+        near = np.any([kept[tuple((at + step).T)] for step in _BLOCK], axis=0)
         if not near.any():
             labels = scipy.ndimage.label(small & ~kept[1:-1, 1:-1, 1:-1], structure=np.ones((3, 3, 3)))[0]
             return np.bincount(labels.ravel())[1:]
