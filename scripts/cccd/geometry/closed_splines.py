@@ -2,8 +2,7 @@
 
 A closed spline with n control points has n spans. Span ``s`` lies between the knots ``t[s + 3]`` and
 ``t[s + 4]`` and is ruled by the control points ``s .. s + 3`` (mod n). The knots are n + 7, as SciPy wants
-them for the control points with the first three repeated at the end. `cccd.curves.spans` is what fits are
-made of, compiled.
+them for the control points with the first three repeated at the end. Fits use `cccd.curves.spans`.
 """
 
 from __future__ import annotations
