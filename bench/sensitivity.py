@@ -24,7 +24,7 @@ import pandas as pd
 from settings_pages import Key, keys
 
 from cccd.containers import Curves
-from cccd.curves import fit_splines, sample_splines
+from cccd.curves import fit_splines
 from cccd.curves.measures import area_scores, distances
 from cccd.errors import InputError
 from cccd.settings.root import Settings
@@ -69,7 +69,7 @@ def curve_figures(settings: Settings) -> Figures:
     rows = []
     for curves in phantoms():
         splines = fit_splines(curves, settings.curves)
-        drawn = sample_splines(splines, 4)
+        drawn = splines.sample(4)
         rows.append(
             {
                 "curve_dice": float(area_scores(curves, drawn)[0].mean()),

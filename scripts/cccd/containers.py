@@ -459,7 +459,7 @@ class Splines:
             strict=True,
         )
 
-    def sample(self, per_pixel: float) -> Curves:
+    def sample(self, per_pixel: float = 2.0) -> Curves:
         """Draw them as closed polygons: so many points per pixel of control polygon, 4 per control point."""
         length = RaggedPolygons(self.control_points, self.offsets).lengths
         counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)

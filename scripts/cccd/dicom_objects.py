@@ -41,10 +41,7 @@ def dicom_modality(path: Path) -> str | None:
         with path.open("rb") as file:
             if file.read(_PREAMBLE + len(_MAGIC))[_PREAMBLE:] != _MAGIC:
                 return None
-        import pydicom
-
-        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=["Modality"])
-        return str(header.get("Modality", ""))
+        return _text(path, "Modality")
     except ModuleNotFoundError as error:
         raise missing_extra(error, path.name) from None
     except Exception:  # pydicom raises whatever its parser meets
@@ -90,7 +87,7 @@ def lies_in_its_series(path: Path) -> bool:
     """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
     if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
         return False
-    own = {referenced_series(path), _uid(path, "FrameOfReferenceUID")} - {""}
+    own = {referenced_series(path), _text(path, "FrameOfReferenceUID")} - {""}
     return bool(own) and any(_series_of(file) in own for file in path.parent.iterdir() if file != path)
 
 
@@ -98,11 +95,11 @@ def _series_of(path: Path) -> str:
     """UID of an image's series, or of its frame of reference where anonymising has taken that."""
     if not path.is_file() or dicom_modality(path) in (None, "", "SEG", "RTSTRUCT"):
         return ""
-    return _uid(path, "SeriesInstanceUID") or _uid(path, "FrameOfReferenceUID")
+    return _text(path, "SeriesInstanceUID") or _text(path, "FrameOfReferenceUID")
 
 
-def _uid(path: Path, keyword: str) -> str:
-    """Read a UID from the header of a DICOM file, empty where it has none."""
+def _text(path: Path, keyword: str) -> str:
+    """Read a text from the header of a DICOM file, empty where it has none."""
     import pydicom
 
     return str(pydicom.dcmread(path, stop_before_pixels=True, specific_tags=[keyword]).get(keyword, ""))

@@ -1,7 +1,7 @@
 """Ordered curves described by few points: chain codes, corners, closed B-splines, and what they are worth."""
 
 from cccd.curves.describe import crossed_warnings, describe_curves, self_crossed_warnings
-from cccd.curves.fitting import corner_splines, fit_splines, sample_splines
+from cccd.curves.fitting import corner_splines, fit_splines
 from cccd.curves.measures import measure_curves
 
 __all__ = [
@@ -10,6 +10,5 @@ __all__ = [
     "describe_curves",
     "fit_splines",
     "measure_curves",
-    "sample_splines",
     "self_crossed_warnings",
 ]

@@ -40,8 +40,6 @@ __all__ = [
     "crossing_place",
     "fit_checked",
     "fit_splines",
-    "sample_splines",
-    "uniform_knots",
 ]
 
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
@@ -174,18 +172,16 @@ def _fitted(
 
 def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
     """How far (C,) in pixels the furthest point of each curve lies from its spline."""
-    rings = sample_splines(splines).polygons.rings()
+    rings = splines.sample().polygons.rings()
     shapely.prepare(rings)
     far = shapely.distance(shapely.points(curves.points), rings[curves.polygons.owners])
     return np.maximum.reduceat(far, curves.offsets[:-1]) if len(curves) else np.zeros(0)
 
 
-def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:
-    """Bundle ragged control points and knots (n + 7 per curve) with the slices of their curves."""
+def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, of: Curves | Splines) -> Splines:
+    """Bundle ragged control points and knots (n + 7 per curve) with the slices of what they are of."""
     knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
-    return Splines(
-        control, offsets, knots, knot_offsets, curves.slice, curves.hole, degree=DEGREE, frame=curves.frame
-    )
+    return Splines(control, offsets, knots, knot_offsets, of.slice, of.hole, DEGREE, of.frame)
 
 
 # The paper's splines ----------------------------------------------------------------------------------
@@ -219,10 +215,10 @@ def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
     from_even = np.repeat(few, np.diff(offsets))
     control[from_even] = even
     control[~from_even] = curves.points[corners & ~np.repeat(few, np.diff(curves.offsets))]
-    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves)
+    return _splines(control, offsets, _uniform_knots(np.diff(offsets)), curves)
 
 
-def uniform_knots(counts: np.ndarray) -> np.ndarray:
+def _uniform_knots(counts: np.ndarray) -> np.ndarray:
     """Knots -3, -2, .. n + 3 of closed uniform cubics with n = ``counts[c]`` control points each."""
     return ranks_of(np.asarray(counts) + 2 * DEGREE + 1).astype(float) - DEGREE
 
@@ -238,7 +234,7 @@ def _along_reference(settings: CurveSettings, curves: Curves) -> tuple[Splines, 
         for polygon, width in zip(curves, widths, strict=True)
     ]
     control, offsets = concatenate_ragged(smooth)
-    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves), np.full(len(curves), np.inf)
+    return _splines(control, offsets, _uniform_knots(np.diff(offsets)), curves), np.full(len(curves), np.inf)
 
 
 def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
@@ -253,12 +249,7 @@ def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
     return _splines(thirds.reshape(-1, 2), offsets, knots, curves), np.full(len(curves), np.inf)
 
 
-# Sampling and checking --------------------------------------------------------------------------------
-
-
-def sample_splines(splines: Splines, per_pixel: float = 2.0) -> Curves:
-    """Draw the splines as closed polygons with about ``per_pixel`` points per pixel of control polygon."""
-    return splines.sample(per_pixel)
+# Checking ---------------------------------------------------------------------------------------------
 
 
 def _pairs_near(curves: Curves) -> np.ndarray:
@@ -319,7 +310,7 @@ class _Check:
         own = self._curves.polygons.take(chosen)
         lines = RaggedPolygons.of([_line(control, knots) for control, knots in fresh])
         bad = ~(lines.signed_areas * own.signed_areas > 0) | ~(reach > 0)
-        for row, drawn in enumerate((lines, sample_splines(fresh).polygons)):
+        for row, drawn in enumerate((lines, fresh.sample().polygons)):
             bad |= ~drawn.is_simple
             self._rings[row, chosen] = drawn.rings()
         bad |= _strays(lines, own, reach)
@@ -402,7 +393,4 @@ def _replace(splines: Splines | None, chosen: np.ndarray, others: Splines) -> Sp
     pairs = [next(fresh) if wanted else own for own, wanted in zip(splines, chosen, strict=True)]
     control, offsets = concatenate_ragged([pair[0] for pair in pairs])
     knots = np.concatenate([pair[1] for pair in pairs])
-    knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
-    return Splines(
-        control, offsets, knots, knot_offsets, splines.slice, splines.hole, splines.degree, splines.frame
-    )
+    return _splines(control, offsets, knots, splines)

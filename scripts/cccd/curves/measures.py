@@ -8,7 +8,6 @@ import scipy
 import shapely
 
 from cccd.containers import Curves, Splines
-from cccd.curves.fitting import sample_splines
 from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
@@ -41,10 +40,7 @@ def area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]
 
 def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
     """Region (S,) enclosed on each of the slices by the even-odd rule."""
-    rings = shapely.linearrings(
-        curves.points, indices=np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
-    )
-    polygons = np.asarray(shapely.polygons(rings))
+    polygons = np.asarray(shapely.polygons(curves.polygons.rings()))
     invalid = ~shapely.is_valid(polygons)  # the paper's splines may cross themselves
     polygons[invalid] = shapely.make_valid(polygons[invalid])
     begin, end = np.searchsorted(curves.slice, slices), np.searchsorted(curves.slice, slices, side="right")
@@ -120,7 +116,7 @@ def measure_curves(curves: Curves, splines: Splines) -> dict:
     """
     if len(curves) == 0:
         return {"slices": 0, "curves": 0, "boundary_points": 0, "control_points": 0}
-    drawn = sample_splines(splines, per_pixel=2.0)
+    drawn = splines.sample()
     scores, kept = area_scores(curves, drawn)
     origin, shape = window_of(curves)
     raster = dice(curves.rasterise(origin, shape), drawn.rasterise(origin, shape), (1, 2))

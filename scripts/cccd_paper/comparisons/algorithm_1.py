@@ -17,7 +17,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Splines, Structure
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves import corner_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
@@ -152,7 +152,7 @@ def _row(
     if splines is not None and len(curves):
         points = len(splines.control_points)
         found |= {"control_points": points, "share": points / max(len(curves.points), 1)}
-        found["dice_2d"] = _dice_2d(structure, sample_splines(splines))
+        found["dice_2d"] = _dice_2d(structure, splines.sample())
     if mesh is not None and len(mesh.faces):
         figures = measure_agreement(mesh, structure, reference, SAMPLES)
         found |= {name: figures[name] for name in _FIGURES if name in figures}

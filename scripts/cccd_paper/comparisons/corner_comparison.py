@@ -11,7 +11,7 @@ import pandas as pd
 
 from cccd.chaincode import chain_codes, on_pixel_chain
 from cccd.containers import Curves, Frame, Structure
-from cccd.curves import corner_splines, fit_splines, sample_splines
+from cccd.curves import corner_splines, fit_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
@@ -115,7 +115,7 @@ def _cccd(sample: SliceSample, frame: Frame) -> Iterator[dict]:
             middle = time.process_time()
             splines = corner_splines(curve, corners)
             found = sample.curve[corners]
-        spline = sample_splines(splines).points
+        spline = splines.sample().points
         end = time.process_time()
         yield {
             "image": "chain code",

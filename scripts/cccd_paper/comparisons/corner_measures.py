@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from cccd.containers import Curves
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves import corner_splines
 from cccd.curves.knots import FEWEST
 from cccd.curves.measures import window_of
 from cccd.geometry.arrays import sum_per_part
@@ -57,7 +57,7 @@ def measure_corners(
     beyond = rows * columns - truth.shape[1] * truth.shape[2]  # background outside the window
     per_curve = sum_per_part(corner, curves.offsets)
     per_slice = np.bincount(owner, per_curve, len(slices))
-    drawn = sample_splines(corner_splines(curves, corner))
+    drawn = corner_splines(curves, corner).sample()
     counts = confusion(truth, drawn.rasterise(origin, truth.shape), axis=(1, 2))
     inside = counts.take(slices - int(origin[0]))
     each = replace(inside, tn=inside.tn + beyond)

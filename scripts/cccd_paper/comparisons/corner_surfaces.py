@@ -10,7 +10,7 @@ import pandas as pd
 from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
-from cccd.curves import corner_splines, fit_splines, sample_splines
+from cccd.curves import corner_splines, fit_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.metrics import dice
@@ -124,7 +124,7 @@ def _surface_of(
     else:
         splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
     middle = time.process_time()
-    surface = loft_surface(Sections(_grown(sample_splines(splines))), lofting)
+    surface = loft_surface(Sections(_grown(splines.sample())), lofting)
     end = time.process_time()
     points, slices = len(splines.control_points), len(np.unique(curves.slice))
     rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)
@@ -135,7 +135,7 @@ def _surface_of(
         "slices": slices,
         "control_points": points,
         "share": points / len(curves.points),
-        "dice_2d": _dice_2d(curves, sample_splines(splines)),
+        "dice_2d": _dice_2d(curves, splines.sample()),
         **{name: figures.get(name, np.nan) for name in ("dice_3d", "assd_mm", "volume_bias")},
         "stack_bytes": STACK * (POINT_BYTES * points + PIXEL_COUNT_BYTES * len(curves)) / slices,
         "image_bytes": GREY_BYTES * STACK * rows * columns,

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves import corner_splines
 from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.polygons import RaggedPolygons
@@ -157,7 +157,7 @@ def outline_figures(curves: Curves) -> dict[str, SliceFigure]:
 def _outline(curve: Curves, k: int) -> Panel:
     """Boundary, corners and the paper's spline: corners at maxima of curvature as control points (eq. 9)."""
     splines = corner_splines(curve, k_cosine_corners(curve.points, curve.offsets, k))
-    line = sample_splines(splines)
+    line = splines.sample()
     drawn = line.points
     low = np.floor(np.minimum(curve.points.min(axis=0), drawn.min(axis=0))).astype(int) - 2
     shape = np.ceil(np.maximum(curve.points.max(axis=0), drawn.max(axis=0))).astype(int) + 3 - low

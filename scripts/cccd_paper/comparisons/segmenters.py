@@ -17,7 +17,7 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Sections, Structure
-from cccd.curves import corner_splines, describe_curves, sample_splines
+from cccd.curves import corner_splines, describe_curves
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
@@ -293,7 +293,7 @@ def _cccd_rows(
         described.insert(0, (f"k = {k}", splines, time.process_time() - begun))
     rows: list[dict[str, Any]] = []
     for name, splines, seconds in described:
-        filled = sample_splines(splines, per_pixel=2.0).rasterise((0, 0, 0), _stack(truth, frame).shape)
+        filled = splines.sample().rasterise((0, 0, 0), _stack(truth, frame).shape)
         slices, owner = np.unique(splines.slice, return_inverse=True)
         points = np.bincount(owner, np.diff(splines.offsets), len(slices))
         own_knots = name == AUTOMATIC

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves import corner_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.boundaries import BoundarySettings
@@ -163,7 +163,7 @@ def _linked_corners(way: PlanarMethod, samples: Sequence[SliceSample], frame: Fr
         return _Planar(curves, None, seconds)
     everywhere = np.ones(len(curves.points), bool)
     splines, seconds["spline"] = _clocked(lambda: corner_splines(curves, everywhere))
-    return _Planar(sample_splines(splines), splines, seconds)
+    return _Planar(splines.sample(), splines, seconds)
 
 
 def _in_order(points: np.ndarray, reconstruction: str) -> np.ndarray:
@@ -186,7 +186,7 @@ def _ordered_pixels(slab: Structure, finding: BoundarySettings, orderers: Sequen
     corners, corner_s = _clocked(lambda: k_cosine_corners(curves.points, curves.offsets, K))
     splines, spline_s = _clocked(lambda: corner_splines(curves, corners))
     seconds = {"corner": corner_s, "curve": curve_s, "spline": spline_s}
-    return _Planar(sample_splines(splines), splines, seconds)  # as drawn curves: no half pixel is added
+    return _Planar(splines.sample(), splines, seconds)  # as drawn curves: no half pixel is added
 
 
 def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting: LoftSettings) -> dict:

@@ -10,7 +10,7 @@ from scipy.interpolate import BSpline
 
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, sample_splines
+from cccd.curves.fitting import corner_splines
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
@@ -87,7 +87,7 @@ def loft_splines(curves: Curves, splines: Splines, settings: TubeSettings = TUNE
     chosen = _largest(curves)
     if len(chosen) < 2:
         raise ValueError("a surface of eq. (10) needs two slices")
-    drawn = sample_splines(splines).polygons.take(chosen)
+    drawn = splines.sample().polygons.take(chosen)
     of_pixels = np.array_equal(curves.points, np.rint(curves.points))  # through their centres
     outwards = settings.outwards_px if of_pixels else 0.0
     outlines = [_grown(polygon, outwards) for polygon in np.split(drawn.points, drawn.offsets[1:-1])]

@@ -10,7 +10,7 @@ from scipy import ndimage
 from scipy.interpolate import BSpline
 
 from cccd.containers import Frame
-from cccd.curves import corner_splines, describe_curves, fit_splines, sample_splines
+from cccd.curves import corner_splines, describe_curves, fit_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import _along_curve, _along_reference, fit_checked
 from cccd.curves.knots import reference
@@ -27,7 +27,7 @@ def at_most(budget):
 def test_splines_follow_the_data_contract(blob):
     curves = blob(0)[1]
     splines = fit_splines(curves)
-    drawn = sample_splines(splines)
+    drawn = splines.sample()
     assert len(splines) == len(curves)
     for (control, knots), polygon in zip(splines, drawn, strict=True):
         assert len(knots) == len(control) + 7
@@ -44,7 +44,7 @@ def test_splines_follow_the_data_contract(blob):
 def test_tolerance_is_kept_with_few_points(blob, seed, tolerance):
     curves = blob(seed)[1]
     splines = fit_splines(curves, CurveSettings(tolerance_px=tolerance))
-    drawn = sample_splines(splines, 4)
+    drawn = splines.sample(4)
     for polygon, line in zip(curves, drawn, strict=True):
         smooth, _ = reference(polygon, np.zeros(len(polygon), bool), 0.25, 1.5, 24)
         away = shapely.distance(shapely.points(smooth), shapely.linearrings(line))
@@ -61,7 +61,7 @@ def test_smaller_tolerances_follow_the_pixels_more_closely(blob):
     away, count = [], []
     for tolerance in (2.0, 1.0, 0.5, 0.2, 0.05):
         splines = fit_splines(curves, CurveSettings(tolerance_px=tolerance))
-        away.append(distances(curves.points, curves.offsets, sample_splines(splines, 8)).mean())
+        away.append(distances(curves.points, curves.offsets, splines.sample(8)).mean())
         count.append(len(splines.control_points))
     assert np.all(np.diff(away) < 0)
     assert np.all(np.diff(count) >= 0)
@@ -75,7 +75,7 @@ def test_a_budget_is_kept_and_pixels_are_followed_as_far_as_they_are_known(blob,
         splines = fit_splines(curves, at_most(share))
         counts = np.diff(splines.offsets)
         assert np.all(counts <= np.maximum(share * np.diff(curves.offsets), 4))
-        drawn = sample_splines(splines, 4)
+        drawn = splines.sample(4)
         away = distances(curves.points, curves.offsets, drawn)
         for here in np.split(away, curves.offsets[1:-1]):
             assert np.sqrt(np.mean(here**2)) < 1 / np.sqrt(12)  # what rounding to pixels costs
@@ -88,7 +88,7 @@ def test_automatic_count_is_near_the_fewest_any_fixed_count_needs(blob, seed):
     smooth, _ = reference(curves.points, np.zeros(len(curves.points), bool), 0.25, 1.5, 24)
 
     def worst(splines):
-        line = sample_splines(splines, 4).points
+        line = splines.sample(4).points
         return shapely.distance(shapely.points(smooth), shapely.linearrings(line)).max()
 
     splines = fit_splines(curves, CurveSettings(tolerance_px=0.5))
@@ -106,7 +106,7 @@ def test_a_rectangle_keeps_its_corners_and_a_circle_has_none(frame):
     curves = trace_stack(mask, (0, 0, 0), frame)
     splines = fit_splines(curves, CurveSettings(tolerance_px=0.5))
     (square, square_knots), (disc, disc_knots) = splines
-    drawn = sample_splines(splines, 8)
+    drawn = splines.sample(8)
     for vertex in [(20, 30), (20, 99), (89, 99), (89, 30)]:
         assert np.linalg.norm(square - vertex, axis=1).min() < 0.02  # a control point on the curve
     assert np.count_nonzero(np.diff(square_knots[3:-3]) == 0) == 2 * 4
@@ -128,7 +128,7 @@ def test_splines_never_cross_themselves_however_small_or_ragged(seed, budget):
     mask = np.random.default_rng(seed).random((2, 14, 15)) < 0.62
     curves = trace_stack(mask, (0, 0, 0), Frame(np.eye(4), 2, (60, 60, 4)))
     splines = fit_splines(curves, at_most(budget))
-    drawn = sample_splines(splines, 8)
+    drawn = splines.sample(8)
     assert drawn.polygons.is_simple.all()
     assert np.isfinite(splines.control_points).all()
     assert np.diff(splines.offsets).min(initial=4) >= 4
@@ -141,7 +141,7 @@ def test_acute_corners_do_not_fold(frame, budget):
     for layer, slope in enumerate((0.15, 0.3, 0.6)):
         mask[layer] = (np.abs(i - 100 - 12 * np.sin(j / 30)) < slope * (j - 20)) & (j < 180)
     curves = trace_stack(mask, (0, 0, 0), frame)
-    drawn = sample_splines(fit_splines(curves, at_most(budget)), 20)
+    drawn = fit_splines(curves, at_most(budget)).sample(20)
     assert drawn.polygons.is_simple.all()
 
 
@@ -152,7 +152,7 @@ def test_thin_walls_are_not_crossed(frame):
     mask[0, 30, 12:46] = True  # and a spit within
     curves = trace_stack(mask, (0, 0, 0), frame)
     for splines in (fit_splines(curves), fit_splines(curves, at_most(0.05))):
-        rings = [shapely.Polygon(line) for line in sample_splines(splines, 4)]
+        rings = [shapely.Polygon(line) for line in splines.sample(4)]
         rings.sort(key=lambda ring: -ring.area)
         assert all(ring.is_valid for ring in rings)
         assert rings[0].contains_properly(rings[1])
@@ -169,7 +169,7 @@ def test_the_same_curves_give_the_same_splines_in_any_company(blob, curves_of):
 
 def test_nothing_and_nonsense(curves_of):
     nothing = fit_splines(curves_of())
-    assert len(nothing) == len(sample_splines(nothing)) == 0
+    assert len(nothing) == len(nothing.sample()) == 0
     for bad in ({"tolerance_px": 0}, {"max_control_points": 0}):
         with pytest.raises(ValueError, match="greater than 0"):
             CurveSettings(**bad)
@@ -227,7 +227,7 @@ def test_splines_are_nearer_to_the_outline_than_its_pixels_are(seed):
         return max(dice_of(inset, shape) for inset in insets)
 
     pixels = shapely.Polygon(curves.points)
-    spline = shapely.Polygon(sample_splines(fit_splines(curves, at_most(0.1)), 8).points)
+    spline = shapely.Polygon(fit_splines(curves, at_most(0.1)).sample(8).points)
     assert to_outline(spline) > 0.998
     assert dice_of(spline, pixels) > to_outline(pixels)
 
@@ -260,7 +260,7 @@ def test_no_spline_leaves_its_curve(seed, budget):
     curves = noisy_tumour(seed)
     checked = fit_checked(curves, at_most(budget))
     assert not checked.wrong.any()
-    drawn = sample_splines(checked.splines)
+    drawn = checked.splines.sample()
     assert drawn.polygons.is_simple.all()
     assert np.all(drawn.polygons.signed_areas * curves.polygons.signed_areas > 0)
     for polygon, (control, knots) in zip(curves, checked.splines, strict=True):

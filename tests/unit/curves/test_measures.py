@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves
-from cccd.curves import describe_curves, fit_splines, measure_curves, sample_splines
+from cccd.curves import describe_curves, fit_splines, measure_curves
 from cccd.curves.measures import area_scores, bytes_per_slice, distances
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.curves import CurveSettings
@@ -77,7 +77,7 @@ def test_drawn_contours_have_splines_but_no_chain_codes(frame):
     fitted = describe_curves(curves, SETTINGS)
     assert len(fitted.codes) == 0
     assert not fitted.report["chain_coded"]
-    drawn = sample_splines(fitted.splines, 4)
+    drawn = fitted.splines.sample(4)
     assert np.hypot(*((drawn.points - 100) / (50, 30)).T) == pytest.approx(1, abs=0.02)
 
 

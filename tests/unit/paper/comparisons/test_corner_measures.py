@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from cccd.curves import corner_splines, sample_splines
+from cccd.curves import corner_splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.metrics import dice
 from cccd_paper.comparisons.corner_measures import measure_corners
@@ -33,7 +33,7 @@ def test_sweep_has_the_paper_s_shape(blob):
 
     row = table.loc[("max", 5)]
     corner = k_cosine_corners(curves.points, curves.offsets, 5)
-    filled = sample_splines(corner_splines(curves, corner)).rasterise((0, 0, 0), mask.shape)
+    filled = corner_splines(curves, corner).sample().rasterise((0, 0, 0), mask.shape)
     assert row["DSC (whole)"] == pytest.approx(dice(mask, filled))
     assert row["DSC"] == pytest.approx(np.median(dice(mask, filled, axis=(1, 2))))
     slices_pixels = 3 * 420 * 420  # rates are shares of the source's whole slices
