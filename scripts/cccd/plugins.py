@@ -39,17 +39,9 @@ __all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
     "cccd",
-    *(
-        "cccd_networks",
-        "cccd_segmentation",
-        "cccd_datasets",
-        "cccd_junctions",
-        "cccd_labels",
-        "cccd_dicom",
-        "cccd_formats",
-    ),
-    *("cccd_viewers", "cccd_meshes", "cccd_solids", "cccd_tetrahedra", "cccd_vessels", "cccd_shapes"),
-    *("cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
+    *("cccd_networks", "cccd_segmentation", "cccd_datasets", "cccd_junctions", "cccd_labels", "cccd_dicom"),
+    *("cccd_formats", "cccd_viewers", "cccd_meshes", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
+    *("cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 
 

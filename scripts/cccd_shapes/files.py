@@ -114,8 +114,8 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
     """Write a page with a slider for each of the first modes: it needs no server."""
     matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
-    modes = zip(model.deviations, model.modes[:count], strict=False)
-    moves = [(matrix @ (size * mode)).T for size, mode in modes]
+    sizes = model.deviations[:count, None, None]
+    moves = [(matrix @ mode).T for mode in sizes * model.modes[:count]]
     figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
     del figure["layout"]["updatemenus"]
     data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17909,
+    "scripts/cccd": 17893,
     "scripts/cccd_calibration": 729,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
@@ -19,7 +19,7 @@ MOST_LINES = {
     "scripts/cccd_networks": 306,
     "scripts/cccd_paper": 9540,
     "scripts/cccd_segmentation": 1708,
-    "scripts/cccd_shapes": 1491,
+    "scripts/cccd_shapes": 1492,
     "scripts/cccd_solids": 1980,
     "scripts/cccd_tetrahedra": 1522,
     "scripts/cccd_training": 3664,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 781,
     "scripts/cccd_workflow": 5889,
     "bench": 4709,
-    "tests": 24806,
+    "tests": 24795,
 }
 
 

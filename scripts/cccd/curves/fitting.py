@@ -40,7 +40,6 @@ __all__ = [
     "crossing_place",
     "fit_checked",
     "fit_splines",
-    "uniform_knots",
 ]
 
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
@@ -179,12 +178,10 @@ def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
     return np.maximum.reduceat(far, curves.offsets[:-1]) if len(curves) else np.zeros(0)
 
 
-def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, curves: Curves) -> Splines:
-    """Bundle ragged control points and knots (n + 7 per curve) with the slices of their curves."""
+def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, of: Curves | Splines) -> Splines:
+    """Bundle ragged control points and knots (n + 7 per curve) with the slices of what they are of."""
     knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
-    return Splines(
-        control, offsets, knots, knot_offsets, curves.slice, curves.hole, degree=DEGREE, frame=curves.frame
-    )
+    return Splines(control, offsets, knots, knot_offsets, of.slice, of.hole, DEGREE, of.frame)
 
 
 # The paper's splines ----------------------------------------------------------------------------------
@@ -218,10 +215,10 @@ def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
     from_even = np.repeat(few, np.diff(offsets))
     control[from_even] = even
     control[~from_even] = curves.points[corners & ~np.repeat(few, np.diff(curves.offsets))]
-    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves)
+    return _splines(control, offsets, _uniform_knots(np.diff(offsets)), curves)
 
 
-def uniform_knots(counts: np.ndarray) -> np.ndarray:
+def _uniform_knots(counts: np.ndarray) -> np.ndarray:
     """Knots -3, -2, .. n + 3 of closed uniform cubics with n = ``counts[c]`` control points each."""
     return ranks_of(np.asarray(counts) + 2 * DEGREE + 1).astype(float) - DEGREE
 
@@ -237,7 +234,7 @@ def _along_reference(settings: CurveSettings, curves: Curves) -> tuple[Splines, 
         for polygon, width in zip(curves, widths, strict=True)
     ]
     control, offsets = concatenate_ragged(smooth)
-    return _splines(control, offsets, uniform_knots(np.diff(offsets)), curves), np.full(len(curves), np.inf)
+    return _splines(control, offsets, _uniform_knots(np.diff(offsets)), curves), np.full(len(curves), np.inf)
 
 
 def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
@@ -396,7 +393,4 @@ def _replace(splines: Splines | None, chosen: np.ndarray, others: Splines) -> Sp
     pairs = [next(fresh) if wanted else own for own, wanted in zip(splines, chosen, strict=True)]
     control, offsets = concatenate_ragged([pair[0] for pair in pairs])
     knots = np.concatenate([pair[1] for pair in pairs])
-    knot_offsets = offsets + (2 * DEGREE + 1) * np.arange(len(offsets))
-    return Splines(
-        control, offsets, knots, knot_offsets, splines.slice, splines.hole, splines.degree, splines.frame
-    )
+    return _splines(control, offsets, knots, splines)

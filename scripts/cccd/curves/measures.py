@@ -40,10 +40,7 @@ def area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]
 
 def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
     """Region (S,) enclosed on each of the slices by the even-odd rule."""
-    rings = shapely.linearrings(
-        curves.points, indices=np.repeat(np.arange(len(curves)), np.diff(curves.offsets))
-    )
-    polygons = np.asarray(shapely.polygons(rings))
+    polygons = np.asarray(shapely.polygons(curves.polygons.rings()))
     invalid = ~shapely.is_valid(polygons)  # the paper's splines may cross themselves
     polygons[invalid] = shapely.make_valid(polygons[invalid])
     begin, end = np.searchsorted(curves.slice, slices), np.searchsorted(curves.slice, slices, side="right")
