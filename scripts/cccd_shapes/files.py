@@ -87,7 +87,7 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: Mappin
     arrays = {"mean": model.mean, "modes": model.modes, "deviations_mm": model.deviations}
     arrays |= {"quads": spline.quads, "scores": model.scores}
     names = [cohort.subjects[number].name for number in cohort.used]
-    _write_arrays(folder / "modes.h5", arrays, {"names": names})
+    _write_arrays(folder / "modes.h5", arrays, "names", names)
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     _write_page(folder / "modes.html", spline.moved(model.mean), model, shown)
     write_table(folder / "modes.csv", pd.DataFrame(quality))
@@ -103,12 +103,11 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: Mappin
     return warnings
 
 
-def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str, Any]) -> None:
+def _write_arrays(path: Path, arrays: Mapping[str, Any], name: str, value: Any) -> None:
     with atomic_path(path) as part, h5py.File(part, "w", track_order=True) as file:
-        for name, values in arrays.items():
-            file.create_dataset(name, data=values, compression="gzip", track_times=False)
-        for name, value in attributes.items():
-            file.attrs[name] = value
+        for key, values in arrays.items():
+            file.create_dataset(key, data=values, compression="gzip", track_times=False)
+        file.attrs[name] = value
 
 
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
@@ -135,7 +134,7 @@ def write_scores(path: Path, cohort: Cohort, model: ShapeModel) -> None:
 def write_series(folder: Path, series: Series) -> None:
     """Write the series' splines in time (``series.h5``) and its volumes (``series.csv``)."""
     arrays = {"coefficients": series.coefficients, "knots": series.knots, "quads": series.spline.quads}
-    _write_arrays(folder / "series.h5", arrays, {"period": series.period or np.nan})
+    _write_arrays(folder / "series.h5", arrays, "period", series.period or np.nan)
     columns = ["time", "volume_ml", "volume_low_ml", "volume_high_ml"]
     write_table(folder / "series.csv", pd.DataFrame(series.volumes, columns=columns))
 
