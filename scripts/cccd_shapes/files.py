@@ -21,6 +21,7 @@ from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
 from cccd_shapes.series import Series
 from cccd_shapes.statistics import GroupTest, ShapeModel
+from cccd_shapes.subjects import MIRROR
 from cccd_workflow.report.page import shared_facts, write_page
 from cccd_workflow.report.viewer import packed, surface_figure
 
@@ -59,7 +60,7 @@ def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
     reads the meshes as they are.
     """
     for subject, fit in zip(cohort.subjects, cohort.fits, strict=True):
-        spline = fit.spline.transformed(subject.to_world)
+        spline = fit.spline.transformed(MIRROR) if subject.row.mirrored else fit.spline
         _write_spline(folder / "fitted" / subject.name, spline, subject.frame)
         _write_particles(folder / "particles" / f"{subject.name}_local.particles", spline)
     for number, points in zip(cohort.used, aligned, strict=True):
@@ -113,9 +114,7 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
     """Write a page with a slider for each of the first modes: it needs no server."""
     matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
-    moves = [
-        (matrix @ (size * mode)).T for size, mode in zip(model.deviations, model.modes[:count], strict=False)
-    ]
+    moves = [(matrix @ mode).T for mode in model.deviations[:count, None, None] * model.modes[:count]]
     figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
     del figure["layout"]["updatemenus"]
     data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}
@@ -142,12 +141,11 @@ def write_series(folder: Path, series: Series) -> None:
 
 def write_groups(path: Path, mean: Mesh, test: GroupTest) -> None:
     """Write the mean surface with p values at its vertices, and the difference of the groups (VTP, mm)."""
-    outwards = np.einsum("pc,pc->p", test.difference, mean.vertex_normals)
     data = mean.to_polydata()
     data.point_data["p"] = test.p_points
     data.point_data["p_uncorrected"] = test.p_points_alone
     data.point_data["difference_mm"] = test.difference
-    data.point_data["difference_outwards_mm"] = outwards
+    data.point_data["difference_outwards_mm"] = np.einsum("pc,pc->p", test.difference, mean.vertex_normals)
     data.field_data["p_of_all_modes"] = [test.p]
     data.field_data["SpaceUnit"] = ["mm"]
     with atomic_path(path) as part:

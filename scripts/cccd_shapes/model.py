@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +19,8 @@ __all__ = ["PERMUTATIONS", "describe"]
 
 #: Permutations of who is of which group: p values down to .0005.
 PERMUTATIONS = 1999
+#: What an earlier call, perhaps of other subjects, may have left in the folder.
+REMADE = ("fitted/*/surface.*", "modes/*/surface.*", "particles/*.particles", "groups.vtp", "series.*")
 #: Subdivisions of the surface at whose points groups are compared.
 COMPARED = 1
 
@@ -35,6 +38,10 @@ def describe(
     so many ``permutations``, where each has three subjects that fit.
     """
     made: dict[str, Any] = {"subjects": len(cohort.subjects)}
+    for old in (
+        found for name in REMADE for found in folder.glob(name)
+    ):  # another sheet's subjects among them
+        old.unlink()
     if cohort.subjects[0].row.time is not None:
         cohort, series = fit_series(cohort, period)
         files.write_series(folder, series)
@@ -47,17 +54,19 @@ def describe(
     files.write_scores(folder / "scores.csv", cohort, model)
     made |= {"fit": len(shapes), "control_points": len(model.mean), "warnings": _doubts(cohort) + crossing}
     made["modes_of_90_percent"] = 1 + int((model.compactness < 0.9).sum())
-    (folder / "groups.vtp").unlink(missing_ok=True)
     groups = [cohort.subjects[number].row.group for number in cohort.used]
-    if min(map(groups.count, groups)) >= FEWEST and len(set(groups)) > 1:
+    counts = Counter(groups)
+    if all(counts) and len(counts) > 1 and min(counts.values()) >= FEWEST:
         sampler = cohort.template.spline.sampler(COMPARED)
         points = np.array([sampler.matrix @ shape for shape in shapes])
         test = compare_groups(model, points, groups, permutations)
         mean = cohort.template.spline.moved(model.mean).tessellate(COMPARED)
         files.write_groups(folder / "groups.vtp", mean, test)
         made |= {"p": test.p, "modes_tested": test.modes, "p_points_least": float(test.p_points.min())}
-    elif len(set(groups)) > 1:
-        made["warnings"].append(f"groups are not compared: one has fewer than {FEWEST} subjects that fit")
+    elif any(counts):
+        told = ", ".join(f"{name or 'no group'}: {count}" for name, count in counts.items())
+        needed = f"give each subject one of two groups or more, each with {FEWEST} that fit"
+        made["warnings"].append(f"groups are not compared ({told}); {needed}")
     write_json(folder / "summary.json", made)
     return made
 

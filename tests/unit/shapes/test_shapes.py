@@ -19,7 +19,7 @@ from cccd.store import read_bodies
 from cccd_shapes import FROM_MEAN
 from cccd_shapes.cohort import Cohort, aligned, first_template, fit_cohort, fit_subject, read_fit
 from cccd_shapes.fit import Fit, fit_template, similarity
-from cccd_shapes.model import _doubts
+from cccd_shapes.model import _doubts, describe
 from cccd_shapes.series import fit_series
 from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
 from cccd_shapes.template import Template, control_mesh_of
@@ -235,8 +235,9 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
         ("name\tsurface\na\tsheet.tsv", "sheet.tsv is not a surface"),
         ("name\tmask\tmirrored\na\tsheet.tsv\tperhaps", "mirrored is 'perhaps'"),
         ("name\tmask\na\tsheet.tsv\na\tsheet.tsv", "the name 'a' is there twice"),
-        ("name\tmask\na\tsheet.tsv", "it has 1 subjects"),
+        ("name\tmask\na\tsheet.tsv", "it has fewer than 3 subjects; add rows"),
         ("name\tmask\ttime\na\tsheet.tsv\tnow", "time is 'now'"),
+        ("name\tmask\ttime\na\tsheet.tsv\tnan", "row 2: time is 'nan'; write a number"),
         ("name\tmask\ttime\na\tsheet.tsv\t1\nb\tsheet.tsv\t", "row 3: it has no time"),
     ],
 )
@@ -244,6 +245,40 @@ def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
     (tmp_path / "sheet.tsv").write_text(text)
     with pytest.raises(InputError, match=said):
         read_sheet(tmp_path / "sheet.tsv")
+
+
+@pytest.mark.parametrize(
+    ("words", "times", "said"),
+    [
+        (("--tolerance", "0"), None, "--tolerance: it is 0; give a number of at least 0.001"),
+        (("--tolerance", "nan"), None, "--tolerance: it is nan"),
+        (("--period", "inf"), range(9), "--period: it is inf"),
+        (("--period", "0.8"), None, "--period: it is of a series; give the sheet a column time"),
+        ((), range(4), "sheet.tsv: 4 frames are too few; give 6 that fit"),
+        ((), [5] * 6, "sheet.tsv: the frames leave parts of the time open"),
+    ],
+)
+def test_what_a_call_lacks_is_said_before_any_surface_is_made(tmp_path, capsys, words, times, said):
+    rows = [f"s{n}\tsheet.tsv\t{time}" for n, time in enumerate(times or [""] * 3)]
+    (tmp_path / "sheet.tsv").write_text("\n".join(["name\tmask\ttime", *rows]))
+    assert main(["shapes", str(tmp_path / "sheet.tsv"), "-o", str(tmp_path / "model"), *words]) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "model").exists()
+
+
+def test_groups_that_cannot_be_compared_are_said_and_nothing_of_another_sheet_stays(cohort, tmp_path):
+    found, _ = cohort
+    (old := tmp_path / "fitted" / "gone" / "surface.ply").parent.mkdir(parents=True)
+    old.write_text("")
+    for groups, told in (("aaaaaa", "(a: 5)"), ("aaabb ", "(a: 3, b: 2)"), ("aaa   ", "(a: 3, no group: 2)")):
+        rows = [
+            replace(one.row, group=group.strip()) for one, group in zip(found.subjects, groups, strict=True)
+        ]
+        grouped = [replace(one, row=row) for one, row in zip(found.subjects, rows, strict=True)]
+        made = describe(replace(found, subjects=grouped), tmp_path, permutations=19)
+        assert f"groups are not compared {told}" in made["warnings"][-1]
+        assert "p" not in made
+    assert not old.exists()
 
 
 def test_the_wider_shape_is_reached_from_the_narrower_one():
