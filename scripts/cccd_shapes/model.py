@@ -13,7 +13,7 @@ from cccd.store import write_json
 from cccd_shapes import FEWEST, files
 from cccd_shapes.cohort import Cohort, aligned
 from cccd_shapes.series import fit_series
-from cccd_shapes.statistics import compare_groups, measure_model, principal_modes
+from cccd_shapes.statistics import compare_groups, principal_modes
 
 __all__ = ["PERMUTATIONS", "describe"]
 
@@ -50,9 +50,8 @@ def describe(
     shapes = aligned(cohort.shapes, cohort.template, without_size)
     files.write_fits(folder, cohort, shapes)
     model = principal_modes(shapes, cohort.template.metric)
-    crossing = files.write_model(folder, cohort, model, measure_model(model))
     files.write_scores(folder / "scores.csv", cohort, model)
-    made |= {"fit": len(shapes), "control_points": len(model.mean), "warnings": _doubts(cohort) + crossing}
+    made |= {"fit": len(shapes), "control_points": len(model.mean), "warnings": _doubts(cohort)}
     made["modes_of_90_percent"] = 1 + int((model.compactness < 0.9).sum())
     groups = [cohort.subjects[number].row.group for number in cohort.used]
     counts = Counter(groups)
@@ -65,8 +64,8 @@ def describe(
         made |= {"p": test.p, "modes_tested": test.modes, "p_points_least": float(test.p_points.min())}
     elif any(counts):
         told = ", ".join(f"{name or 'no group'}: {count}" for name, count in counts.items())
-        needed = f"give each subject one of two groups or more, each with {FEWEST} that fit"
-        made["warnings"].append(f"groups are not compared ({told}); {needed}")
+        made["warnings"].append(f"groups are not compared ({told}): it takes two, each of {FEWEST} that fit")
+    made["warnings"] += files.write_model(folder, cohort, model, made)
     write_json(folder / "summary.json", made)
     return made
 
