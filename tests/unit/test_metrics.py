@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-import trimesh
+from support.solids import sphere
 
 from cccd import metrics
-from cccd.geometry.mesh import Mesh
 
 
 def test_two_empty_regions_agree():
@@ -11,11 +10,6 @@ def test_two_empty_regions_agree():
     assert metrics.dice(nothing, nothing) == 1
     with pytest.raises(ValueError, match="differ in shape"):
         metrics.dice(nothing, np.zeros((2, 3), bool))
-
-
-def sphere(radius):
-    mesh = trimesh.creation.icosphere(4, radius)
-    return Mesh(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
 
 
 def test_concentric_spheres_are_their_radii_apart():

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import solids
 from support.shapes import SETTINGS, ball, curves_of
-from trimesh import creation
 
 from cccd.containers import Frame, Sections
 from cccd.geometry.mesh import Mesh
@@ -31,8 +31,7 @@ def stack() -> SliceStack:
 
 def sphere(stack: SliceStack, radius=20.0, centre=(30.0, 30.0, 30.0)) -> Mesh:
     """Triangles of a ball around a voxel of the volume, where the stack has it."""
-    solid = creation.icosphere(4, radius)
-    mesh = Mesh(np.array(solid.vertices) + centre, np.array(solid.faces, np.int64))
+    mesh = solids.sphere(radius, centre)
     return mesh.transformed(np.linalg.inv(stack.plane_to_world(Frame(np.eye(4), 2, (60, 60, 60)))))
 
 
@@ -102,8 +101,7 @@ def test_passing_through_itself_and_being_open_are_found(stack):
 
 def test_shared_walls_are_checked_by_the_organ_s_voxels():
     structure = structure_of_array(ball(), np.eye(4), ImportSettings())
-    solid = creation.icosphere(4, 20.0)
-    mesh = Mesh(np.array(solid.vertices) + 30, np.array(solid.faces, np.int64))
+    mesh = solids.sphere(20.0, (30, 30, 30))
     assert check_walls(mesh, structure) == []
     needle, tip = pulled(mesh, 2.0)
     (line,) = check_walls(needle, structure)
@@ -126,9 +124,6 @@ def test_the_line_has_the_place_in_mm_of_the_world(stack):
 
 def test_thick_slices_leave_the_surface_room_between_them():
     thick = stack_of(ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0)), (1.0, 1.0, 5.0))
-    mesh = sphere(thick)
     heights = thick.plane_to_world(Frame(np.diag([1.0, 1.0, 5.0, 1.0]), 2, (60, 60, 12)))
-    true = Mesh(np.array(creation.icosphere(4, 20.0).vertices) + 30, mesh.faces).transformed(
-        np.linalg.inv(heights)
-    )
+    true = solids.sphere(20.0, (30, 30, 30)).transformed(np.linalg.inv(heights))
     assert not any(is_near(violation) for violation in check_surface(true, thick))

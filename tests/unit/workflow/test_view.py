@@ -2,25 +2,15 @@
 
 import numpy as np
 import pytest
-import trimesh
+from support.solids import sphere
 
 from cccd.containers import Frame, Structure
-from cccd.geometry.mesh import Mesh
 from cccd_workflow.view import reference_surface
-
-
-def sphere(radius, subdivisions=5):
-    mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=radius)
-    return Mesh(np.array(mesh.vertices), np.array(mesh.faces, np.int64))
-
-
-def volume(mesh):
-    return trimesh.Trimesh(mesh.vertices, mesh.faces, process=False).volume
 
 
 @pytest.mark.parametrize("radius", [5.0, 40.0])
 def test_mean_curvature_of_a_sphere_is_one_over_its_radius(radius):
-    mesh = sphere(radius)
+    mesh = sphere(radius, subdivisions=5)
     np.testing.assert_allclose(mesh.mean_curvature(mesh.vertices[::50]), 1 / radius, rtol=1e-3)
 
 
@@ -31,8 +21,8 @@ def test_reference_is_the_truth_where_there_is_one():
     voxels, name = reference_surface(Structure("a", "b", frame, np.zeros(3, int), mask=mask))
     assert "mask" in name
     # half a voxel is cut off along 12 edges, and another pyramid at 8 corners
-    assert volume(voxels) == pytest.approx(5**3 - 12 * 4 / 8 - 8 * (1 / 8 - 1 / 48))
-    truth = sphere(3.0, 2)
+    assert voxels.volume == pytest.approx(5**3 - 12 * 4 / 8 - 8 * (1 / 8 - 1 / 48))
+    truth = sphere(3.0, subdivisions=2)
     known = Structure("a", "b", frame, np.zeros(3, int), mask=mask, truth=truth)
     assert reference_surface(known)[1] == "the analytic surface"
     assert reference_surface(Structure("a", "b", frame, np.zeros(3, int))) is None
