@@ -66,9 +66,10 @@ class Cohort:
     def checked(self) -> Cohort:
         """Refuse a cohort of which fewer than three subjects fit."""
         if len(self.used) < FEWEST:
-            one, problem = next((s.name, p) for s, p in zip(self.subjects, self.problems, strict=True) if p)
+            one, problem = next((s, p) for s, p in zip(self.subjects, self.problems, strict=True) if p)
             hint = "check that all are the same organ, or use more --points or a larger --tolerance"
-            raise InputError(one, f"{problem}; only {len(self.used)} of {len(self.fits)} subjects fit", hint)
+            said = f"{problem}; only {len(self.used)} of {len(self.fits)} subjects fit"
+            raise InputError(f"{one.row.where}, {one.name}", said, hint)
         return self
 
     @property
@@ -83,8 +84,8 @@ class Cohort:
 
     def mean(self) -> Template:
         """Template of the next round: the mean of those that fit, all of one size."""
-        mean = aligned(self.shapes, self.template, scaled=True).mean(axis=0)
-        return Template(self.template.spline.moved(mean))
+        shapes = aligned(self.shapes, self.template, scaled=True)
+        return Template(self.template.spline.moved(shapes.mean(axis=0)))
 
 
 def fit_cohort(
@@ -105,6 +106,11 @@ def fit_cohort(
     rounds : int
         Each has the mean of the last as its template.
 
+    Returns
+    -------
+    Cohort
+        All subjects; a fit that is none has its problem.
+
     Raises
     ------
     InputError
@@ -117,7 +123,13 @@ def fit_cohort(
     else:
         last = fit_cohort(ordered, folder, points, processes, rounds - 1)
         template, before = last.mean(), last.fits if rounds >= FROM_MEAN else before
-    fits = _fit_all(template, before, ordered, folder / f"round_{rounds}", processes)
+    _ = template.modes  # once, and not in each process
+    with ExitStack() as stack:
+        run: Callable[..., Iterable[Fit]] = map
+        if processes > 1:
+            run = stack.enter_context(worker_processes(min(processes, len(ordered)))).map
+        done = run(_kept_fit, repeat(template), before, ordered, repeat(folder / f"round_{rounds}"))
+        fits = list(tqdm(done, f"round_{rounds}", len(ordered), leave=False, disable=None))
     return Cohort.judged(ordered, fits, template)
 
 
@@ -219,23 +231,6 @@ def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> lis
 
 
 # One file for each fit --------------------------------------------------------------------------------
-
-
-def _fit_all(
-    template: Template,
-    before: Iterable[Fit | None],
-    subjects: Sequence[Subject],
-    folder: Path,
-    processes: int,
-) -> list[Fit]:
-    """Fit a template to subjects, several at once, with a line that shows how far it is."""
-    _ = template.modes  # once, and not in each process
-    with ExitStack() as stack:
-        run: Callable[..., Iterable[Fit]] = map
-        if processes > 1:
-            run = stack.enter_context(worker_processes(min(processes, len(subjects)))).map
-        done = run(_kept_fit, repeat(template), before, subjects, repeat(folder))
-        return list(tqdm(done, folder.name, len(subjects), leave=False, disable=None))
 
 
 def _kept_fit(template: Template, before: Fit | None, subject: Subject, folder: Path) -> Fit:

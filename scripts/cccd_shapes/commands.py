@@ -15,9 +15,13 @@ from cccd.store import check_writable
 from cccd_shapes import POINTS
 from cccd_shapes.cohort import fit_cohort
 from cccd_shapes.model import PERMUTATIONS, describe
+from cccd_shapes.series import time_basis
 from cccd_shapes.subjects import read_sheet, read_subject
 
 __all__ = ["add_shapes"]
+
+#: The least that options may be.
+LEAST = {"points": 50, "permutations": 19, "processes": 1, "tolerance": 1e-3, "period": 1e-6}
 
 
 def add_shapes(command: argparse.ArgumentParser) -> None:
@@ -40,12 +44,14 @@ def add_shapes(command: argparse.ArgumentParser) -> None:
 
 
 def _shapes(given: argparse.Namespace) -> int:
-    for name, least in (("points", 50), ("permutations", 19), ("processes", 1)):
-        if getattr(given, name) < least:
-            raise InputError(f"--{name}", f"{getattr(given, name)} is too few", f"give at least {least}")
+    for name, least in LEAST.items():
+        if (value := getattr(given, name)) is not None and not least <= value < np.inf:
+            raise InputError(f"--{name}", f"it is {value:g}", f"give a number of at least {least:g}")
     rows, folder = read_sheet(given.sheet), given.output
-    if given.period is not None and (rows[0].time is None or given.period <= 0):
-        raise InputError("--period", "it is of a series", "give a positive number, and a column time")
+    if rows[0].time is not None:  # what a series lacks is said before the work
+        time_basis(np.array([row.time for row in rows], float), given.period, given.sheet.name)
+    elif given.period is not None:
+        raise InputError("--period", "it is of a series", "give the sheet a column time")
     check_writable(folder / "subjects.csv")
     told = tqdm(rows, "surfaces", leave=False, disable=None)
     subjects = [read_subject(row, folder / "surfaces", given.tolerance) for row in told]

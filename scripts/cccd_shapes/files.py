@@ -20,7 +20,8 @@ from cccd.store import atomic_path, write_table
 from cccd.surface.surface import LoftedSurface, write_files
 from cccd_shapes.cohort import Cohort
 from cccd_shapes.series import Series
-from cccd_shapes.statistics import GroupTest, ShapeModel
+from cccd_shapes.statistics import GroupTest, ShapeModel, measure_model
+from cccd_shapes.subjects import MIRROR
 from cccd_viewers.page_files import View
 from cccd_viewers.viewer import packed, surface_figure
 from cccd_workflow.report.templates import shared_facts, write_page
@@ -60,7 +61,7 @@ def write_fits(folder: Path, cohort: Cohort, aligned: FloatArray) -> None:
     reads the meshes as they are.
     """
     for subject, fit in zip(cohort.subjects, cohort.fits, strict=True):
-        spline = fit.spline.transformed(subject.to_world)
+        spline = fit.spline.transformed(MIRROR) if subject.row.mirrored else fit.spline
         _write_spline(folder / "fitted" / subject.name, spline, subject.frame)
         _write_particles(folder / "particles" / f"{subject.name}_local.particles", spline)
     for number, points in zip(cohort.used, aligned, strict=True):
@@ -81,16 +82,15 @@ def _write_particles(path: Path, spline: ControlMesh) -> None:
         np.savetxt(part, spline.tessellate(0).vertices, "%.6f")
 
 
-def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: Mapping[str, Any]) -> list[str]:
-    """Write mean, modes and how good they are; return a line for each drawn shape that crosses itself."""
+def write_model(folder: Path, cohort: Cohort, model: ShapeModel, made: Mapping[str, Any]) -> list[str]:
+    """Write mean, modes and a page of all; return a line for each drawn shape that crosses itself."""
     frame, spline = cohort.subjects[0].frame, cohort.template.spline
     arrays = {"mean": model.mean, "modes": model.modes, "deviations_mm": model.deviations}
     arrays |= {"quads": spline.quads, "scores": model.scores}
     names = [cohort.subjects[number].name for number in cohort.used]
     _write_arrays(folder / "modes.h5", arrays, "names", names)
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
-    _write_page(folder / "modes.html", spline.moved(model.mean), model, shown)
-    write_table(folder / "modes.csv", pd.DataFrame(quality))
+    write_table(folder / "modes.csv", pd.DataFrame(measure_model(model)))
     _write_spline(folder / "mean", spline.moved(model.mean), frame)
     warnings: list[str] = []
     for number in range(shown):
@@ -100,6 +100,8 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, quality: Mappin
             _write_spline(folder / "modes" / name, shape, frame)
             if crossing := len(shape.tessellate().self_intersections()):
                 warnings.append(f"{name} passes through itself at {crossing} places")
+    told = {**made, "warnings": [*made["warnings"], *warnings]}
+    _write_page(folder / "modes.html", spline.moved(model.mean), model, shown, told)
     return warnings
 
 
@@ -110,17 +112,17 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], name: str, value: Any) 
         file.attrs[name] = value
 
 
-def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:
+def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, shown: int, made: dict[str, Any]) -> None:
     """Write a page with a slider for each of the first modes: it needs no server."""
     matrix, mesh = mean.sampler(1).matrix, mean.tessellate(1)
-    sizes = model.deviations[:count, None, None]
-    moves = [(matrix @ mode).T for mode in sizes * model.modes[:count]]
+    moves = [(matrix @ mode).T for mode in model.deviations[:shown, None, None] * model.modes[:shown]]
     figure = surface_figure(View({"surface": mesh}, {}, len(mesh.faces), "", {}))
     del figure["layout"]["updatemenus"]
-    data = {"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()}
-    shares = np.diff(model.compactness[:count], prepend=0)
-    context = {"title": "Mean and modes", "shares": shares, "figure": packed(figure), "moves": packed(data)}
-    write_page(path, PROJECT / "workflow" / "report", "modes.html.j2", context | shared_facts({}))
+    data = packed({"mean": mesh.vertices.T.round(3).tolist(), "modes": np.round(moves, 3).tolist()})
+    shares = np.diff(model.compactness[:shown], prepend=0)
+    context = {"title": "Mean and modes", "made": made, "shares": shares, "moves": data}
+    context |= {"figure": packed(figure), **shared_facts({})}
+    write_page(path, PROJECT / "workflow" / "report", "modes.html.j2", context)
 
 
 def write_scores(path: Path, cohort: Cohort, model: ShapeModel) -> None:
@@ -141,12 +143,11 @@ def write_series(folder: Path, series: Series) -> None:
 
 def write_groups(path: Path, mean: Mesh, test: GroupTest) -> None:
     """Write the mean surface with p values at its vertices, and the difference of the groups (VTP, mm)."""
-    outwards = np.einsum("pc,pc->p", test.difference, mean.vertex_normals)
     data = mean.to_polydata()
     data.point_data["p"] = test.p_points
     data.point_data["p_uncorrected"] = test.p_points_alone
     data.point_data["difference_mm"] = test.difference
-    data.point_data["difference_outwards_mm"] = outwards
+    data.point_data["difference_outwards_mm"] = np.einsum("pc,pc->p", test.difference, mean.vertex_normals)
     data.field_data["p_of_all_modes"] = [test.p]
     data.field_data["SpaceUnit"] = ["mm"]
     with atomic_path(path) as part:

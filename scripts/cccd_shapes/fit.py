@@ -21,18 +21,12 @@ from scipy.spatial.transform import Rotation
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.subdivision import ControlMesh, Sampler
-from cccd.surface.spline_fit import SplineFit, Target
+from cccd.geometry.subdivision import ControlMesh
+from cccd.surface.spline_fit import SAMPLED, SplineFit, Target
 from cccd_shapes.template import Template
 
-__all__ = [
-    "SAMPLED", "Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms",
-]  # fmt: skip
+__all__ = ["Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms"]
 
-#: The spline is sampled at so many subdivisions: 4 points for each quad.
-SAMPLED = 1
-#: Points of the subject's surface that look for the spline, for each sample of the spline.
-SEEN = 1.0
 #: Triangles of a subject's mesh that are used at most.
 MOST_TRIANGLES = 40_000
 #: Lengths, as shares of the organ's radius, over which the modes may bend; rounds at each.
@@ -43,8 +37,6 @@ POINT_LENGTHS, POINT_ROUNDS = (1.6, 0.9, 0.5), 2
 HELD = 1e-4
 #: Residual of the linear systems, and most steps to it.
 SOLVED, MOST_STEPS = 1e-2, 100
-#: A normal that is turned by one radian is as far off as so many radii of the organ.
-TURNED = 1.0
 #: Normals that agree less (cosine) are of the other side of a sheet.
 FACING = 0.2
 #: Most rounds of the similarity, and the change, as a share of the radius, at which it ends.
@@ -85,25 +77,25 @@ class _Pairs(NamedTuple):
 
 
 def _pairs(points: FloatArray, triangles: IntArray, goal: Goal, turned: float) -> _Pairs:
-    """Pair samples (P, 3) of the spline and the subject's surface, each with the nearest of the other."""
-    spline = Mesh(points, triangles)
-    normals, areas = spline.vertex_normals, spline.vertex_areas
-    nearest = goal.tree(turned).query(np.hstack([points, turned * normals]))[1]
-    plane = goal.normals[nearest]
-    off = np.einsum("pc,pc->p", goal.mesh.vertices[nearest] - points, plane)
-    weight = areas * (np.einsum("pc,pc->p", plane, normals) > FACING)
-    seen = goal.seen(round(SEEN * len(points)))
-    place, along = goal.mesh.vertices[seen], goal.normals[seen]
-    back = cKDTree(np.hstack([points, turned * normals])).query(np.hstack([place, turned * along]))[1]
-    off_back = np.einsum("pc,pc->p", place - points[back], along)
-    facing = np.einsum("pc,pc->p", along, normals[back]) > FACING
-    weight_back = facing * (goal.areas[seen] if len(seen) == len(goal.areas) else np.ones(len(seen)))
-    return _Pairs(
-        np.concatenate([np.arange(len(points)), back]),
-        np.concatenate([plane, along]),
-        np.concatenate([off, off_back]),
-        np.concatenate([weight / max(weight.sum(), 1e-12), weight_back / max(weight_back.sum(), 1e-12)]) / 2,
-    )
+    """Pair samples (P, 3) of the spline and the subject's surface, each with the nearest of the other.
+
+    A normal that is turned by one radian is as far off as ``turned`` mm: the organ's radius, or less.
+    """
+    spline, seen = Mesh(points, triangles), goal.seen(len(points))
+    normals = spline.vertex_normals
+    placed = np.hstack([points, turned * normals])
+    nearest = goal.tree(turned).query(placed)[1]
+    back = cKDTree(placed).query(np.hstack([goal.mesh.vertices[seen], turned * goal.normals[seen]]))[1]
+    sample = np.concatenate([np.arange(len(points)), back])
+    vertex = np.concatenate([nearest, seen])
+    normal = goal.normals[vertex]
+    off = np.einsum("pc,pc->p", goal.mesh.vertices[vertex] - points[sample], normal)
+    areas = goal.areas[seen] if len(seen) == len(goal.areas) else np.ones(len(seen))
+    weight = np.concatenate([spline.vertex_areas, areas])
+    weight *= np.einsum("pc,pc->p", normal, normals[sample]) > FACING
+    for way in np.split(weight, [len(points)]):
+        way /= 2 * max(way.sum(), 1e-12)  # both ways count as much
+    return _Pairs(sample, normal, off, weight)
 
 
 def similarity(template: Template, mesh: Mesh) -> FloatArray:
@@ -111,14 +103,13 @@ def similarity(template: Template, mesh: Mesh) -> FloatArray:
     goal, sampler = Goal(mesh), template.spline.sampler(0)
     start = template.spline.tessellate(0)
     scale = float(np.sqrt(goal.mesh.area / template.area))
-    middle, centre = centroid(start), centroid(goal.mesh)
-    affine = np.eye(4)
-    affine[:3, :3] *= scale
-    affine[:3, 3] = centre - scale * middle
+    centre = centroid(goal.mesh)
+    affine = np.diag([scale, scale, scale, 1.0])
+    affine[:3, 3] = centre - scale * centroid(start)
     radius = scale * template.radius
     for _ in range(SIMILAR_ROUNDS):
         points = start.vertices @ affine[:3, :3].T + affine[:3, 3]
-        pairs = _pairs(points, sampler.triangles, goal, TURNED * radius)
+        pairs = _pairs(points, sampler.triangles, goal, radius)
         arm = points[pairs.sample] - centre
         grown = np.einsum("pc,pc->p", arm, pairs.normal)[:, None]
         matrix = np.hstack([np.cross(arm, pairs.normal), pairs.normal, grown])
@@ -182,9 +173,8 @@ def fit_template(template: Template, mesh: Mesh, start: FloatArray | None = None
     """
     affine = similarity(template, mesh) if start is None else np.eye(4)
     goal = Goal(mesh.transformed(np.asarray(np.linalg.inv(affine), float)))
-    sampler = template.spline.sampler(SAMPLED)
-    smooth = _by_modes(template, goal, sampler) if start is None else start
-    points = fit_points(template, smooth[None], [goal], np.ones((1, 1)), sampler)[0]
+    smooth = _by_modes(template, goal) if start is None else start
+    points = fit_points(template, smooth[None], [goal], np.ones((1, 1)))[0]
     fit = SplineFit(template.spline.moved(smooth), Target.of(goal.mesh))
     fit.points = points
     crossings = len(fit.untangle())
@@ -199,16 +189,16 @@ def surface_rms(first: Mesh, second: Mesh) -> float:
     return float(np.sqrt((there + back) / 2))
 
 
-def _by_modes(template: Template, goal: Goal, sampler: Sampler) -> FloatArray:
+def _by_modes(template: Template, goal: Goal) -> FloatArray:
     """Control points (V, 3) that smooth modes move onto the subject's surface."""
-    modes, points = template.modes, template.spline.vertices
+    modes, points, sampler = template.modes, template.spline.vertices, template.spline.sampler(SAMPLED)
     count = modes.shape[1]
     sampled = sampler.matrix @ modes
     bent = np.einsum("vk,vk->k", modes, template.bending @ modes)
     amounts = np.zeros((3, count))
     for length in np.repeat(MODE_LENGTHS, MODE_ROUNDS) * template.radius:
         now = points + (amounts @ modes.T).T
-        pairs = _pairs(sampler.matrix @ now, sampler.triangles, goal, TURNED * template.radius)
+        pairs = _pairs(sampler.matrix @ now, sampler.triangles, goal, template.radius)
         rows = np.hstack([pairs.normal[:, axis, None] * sampled[pairs.sample] for axis in range(3)])
         weighted = rows * pairs.weight[:, None]
         penalty = np.tile(length**4 * bent, 3) + 1e-6
@@ -219,7 +209,7 @@ def _by_modes(template: Template, goal: Goal, sampler: Sampler) -> FloatArray:
 
 
 def fit_points(
-    template: Template, smooth: FloatArray, goals: Sequence[Goal], basis: FloatArray, sampler: Sampler
+    template: Template, smooth: FloatArray, goals: Sequence[Goal], basis: FloatArray
 ) -> FloatArray:
     """Fit all control points, from smooth ones on, of one subject or of all frames of a series at once.
 
@@ -227,7 +217,7 @@ def fit_points(
     one subject has one frame, and its control points are the coefficients.
     """
     solvers = {length: template.solver(length * template.edge) for length in POINT_LENGTHS}
-    made, start = smooth, np.tensordot(basis, smooth, 1)
+    made, start, sampler = smooth, np.tensordot(basis, smooth, 1), template.spline.sampler(SAMPLED)
     size = (3 * smooth.shape[0] * smooth.shape[1],) * 2
     weigh = np.asarray(np.linalg.inv(basis.T @ basis), float)
     for edges in np.repeat(POINT_LENGTHS, POINT_ROUNDS):

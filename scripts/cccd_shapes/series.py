@@ -11,7 +11,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.subdivision import ControlMesh
 from cccd_shapes.cohort import Cohort, problem_of
-from cccd_shapes.fit import SAMPLED, Fit, Goal, fit_points, surface_rms
+from cccd_shapes.fit import Fit, Goal, fit_points, surface_rms
 from cccd_shapes.template import Template
 
 __all__ = ["Series", "fit_series", "time_basis"]
@@ -19,8 +19,8 @@ __all__ = ["Series", "fit_series", "time_basis"]
 #: Degree in time; frames for each coefficient; fewest frames; condition number above which there are fewer
 #: coefficients, as frames leave gaps.
 DEGREE, FRAMES, FEWEST_FRAMES, DETERMINED = 3, 2, 6, 30.0
-#: Times at which volumes are written; draws and percentiles of their interval.
-TIMES, DRAWS, PERCENTILES = 41, 4000, (5, 95)
+#: Times at which volumes are written; draws and percentiles of their interval; deviations in a band's 90 %.
+TIMES, DRAWS, PERCENTILES, BAND = 41, 4000, (5, 95), 2 * 1.645
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,7 +42,7 @@ class Series:
         return self.spline.moved(np.asarray(np.tensordot(weight, self.coefficients, 1), float))
 
 
-def time_basis(times: FloatArray, period: float | None) -> tuple[FloatArray, FloatArray]:
+def time_basis(times: FloatArray, period: float | None, where: str = "time") -> tuple[FloatArray, FloatArray]:
     """Return knots, and how much each coefficient counts (F, K) at each of the frames' times (F,).
 
     Examples
@@ -51,6 +51,8 @@ def time_basis(times: FloatArray, period: float | None) -> tuple[FloatArray, Flo
     >>> basis.shape, basis.sum(axis=1).round(9).tolist() == [1.0] * 10
     ((10, 5), True)
     """
+    if len(times) < FEWEST_FRAMES:
+        raise InputError(where, f"{len(times)} frames are too few", f"give {FEWEST_FRAMES} that fit")
     least = DEGREE + 1
     for count in range(max(len(times) // FRAMES, least), least - 1, -1):
         if period:
@@ -61,9 +63,7 @@ def time_basis(times: FloatArray, period: float | None) -> tuple[FloatArray, Flo
         basis = _weights(times, knots, period)
         if np.linalg.cond(basis) < DETERMINED:
             return knots, basis
-    raise InputError(
-        "time", "the frames leave parts of the time open", "give more frames, or another --period"
-    )
+    raise InputError(where, "the frames leave parts of the time open", "give more, or another --period")
 
 
 def _weights(times: FloatArray, knots: FloatArray, period: float | None) -> FloatArray:
@@ -100,8 +100,6 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
         Fewer than six frames fit, or three the series; or they leave parts of the time open.
     """
     used = cohort.used
-    if len(used) < FEWEST_FRAMES:
-        raise InputError("time", f"{len(used)} frames fit", f"give at least {FEWEST_FRAMES}")
     subjects = [cohort.subjects[n] for n in used]
     times = np.array([subject.row.time for subject in subjects], float)
     knots, basis = time_basis(times, period)
@@ -109,7 +107,7 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     start = np.asarray(solved.reshape(basis.shape[1], -1, 3), float)
     spline = cohort.template.spline.moved(start.mean(axis=0))
     goals = [Goal(subject.mesh) for subject in subjects]
-    made = fit_points(Template(spline), start, goals, basis, spline.sampler(SAMPLED))
+    made = fit_points(Template(spline), start, goals, basis)
     fits, problems = list(cohort.fits), list(cohort.problems)
     for n, shape in zip(used, np.tensordot(basis, made, 1), strict=True):
         moved, subject = spline.moved(shape), cohort.subjects[n]
@@ -120,7 +118,8 @@ def fit_series(cohort: Cohort, period: float | None, seed: int = 0) -> tuple[Coh
     at = _weights(even := np.linspace(*ends, TIMES), knots, period)
     volumes = _volumes(spline, at, made)
     off = np.array([subject.mesh.volume for subject in subjects]) / 1000 - _volumes(spline, basis, made)
-    drawn = volumes + _errors(basis, at, off, np.array([subject.volume_doubt for subject in subjects]), seed)
+    widths = [np.ptp(one.band.volume_interval(one.mesh)) if one.band else 0.0 for one in subjects]
+    drawn = volumes + _errors(basis, at, off, np.array(widths) / BAND, seed)
     least, most = volumes.argmin(), volumes.argmax()
     share = 1 - drawn[:, least] / drawn[:, most]
     ejection = np.array([1 - volumes[least] / volumes[most], *np.percentile(share, PERCENTILES)])

@@ -59,6 +59,11 @@ def principal_modes(shapes: FloatArray, metric: csr_array) -> ShapeModel:
     metric : (V, V) sparse
         Mean square over the surface of a displacement, `cccd_shapes.template.Template.metric`.
 
+    Returns
+    -------
+    ShapeModel
+        With at most N - 1 modes.
+
     Examples
     --------
     >>> from scipy.sparse import eye_array
@@ -158,6 +163,20 @@ def compare_groups(
         The name of each subject's group, at least two different ones.
     permutations : int
         The least p value is one by this number plus one.
+    seed : int
+        Of the permutations.
+
+    Returns
+    -------
+    GroupTest
+        Its difference is of the group whose name is last, minus that of the first, in mm.
+
+    Examples
+    --------
+    >>> scores = np.arange(12.0)[:, None] - 5.5
+    >>> model = ShapeModel(np.zeros((1, 3)), np.eye(3)[:1, None], np.ones(1), scores)
+    >>> compare_groups(model, scores[:, None] * [1, 0, 0], "aaaaaabbbbbb", 99).p
+    0.01
     """
     names, group = np.unique(list(groups), return_inverse=True)
     draw = np.random.default_rng(seed)

@@ -15,7 +15,6 @@ from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.read_meshes import is_mesh
-from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
@@ -31,8 +30,6 @@ COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group", "time")
 YES, NO = ("yes", "true", "1"), ("", "no", "false", "0")
 #: Reflects x: a left organ lies as a right one.
 MIRROR = np.diag([-1.0, 1.0, 1.0, 1.0])
-#: Standard deviations to each side of the band's 90 %.
-DEVIATIONS = 1.645
 #: Largest root mean square distance of a fitted surface to the subject's own, in pixels.
 TOLERANCE_PIXELS = 0.5
 
@@ -71,17 +68,6 @@ class Subject:
         """A grid of the scan's pixels."""
         return Frame(np.diag([self.pixel, self.pixel, self.pixel, 1.0]), 2, (1, 1, 1))
 
-    @property
-    def volume_doubt(self) -> float:
-        """Standard deviation of the volume in mm^3; 0 where it is unknown."""
-        interval = self.band.volume_interval(self.mesh) if self.band else (0.0, 0.0)
-        return (interval[1] - interval[0]) / 2 / DEVIATIONS
-
-    @property
-    def to_world(self) -> FloatArray:
-        """Affine (4, 4) from ``mesh`` back to mm RAS."""
-        return MIRROR if self.row.mirrored else np.eye(4)
-
 
 def read_sheet(path: str | Path) -> list[Row]:
     """Read a sheet of subjects: tab-separated, with a header.
@@ -113,7 +99,7 @@ def read_sheet(path: str | Path) -> list[Row]:
     if 0 < len(timeless) < len(rows):
         raise InputError(timeless[0], "it has no time, others have", "give all rows a time, or none")
     if len(rows) < FEWEST:
-        raise InputError(path.name, f"it has {len(rows)} subjects", f"give at least {FEWEST}")
+        raise InputError(path.name, f"it has fewer than {FEWEST} subjects", "add rows")
     return rows
 
 
@@ -122,21 +108,19 @@ def _row(folder: Path, where: str, line: Mapping[str, str]) -> Row:
     cells = {name: line.get(name, "") for name in COLUMNS}
     name, surface, mask, time = (cells[column] for column in ("name", "surface", "mask", "time"))
     path, mirrored = folder / (surface or mask), cells["mirrored"].lower()
-    try:
-        float(time or 0)
-    except ValueError:
-        raise InputError(where, f"time is {time!r}", "write a number") from None
+    at = float(np.genfromtxt([time or "0"], delimiter="\t", comments=None))  # NaN where it is no number
     for wrong, problem, hint in (
         (not re.fullmatch(r"[A-Za-z0-9_-]+", name), f"name {name!r}", "use letters, digits, - and _"),
         (bool(surface) == bool(mask), "it needs one of surface and mask", "fill one of the two columns"),
         (not path.exists(), f"{path}: there is no such file", "correct the path"),
         (surface and not is_mesh(path), f"{path.name} is not a surface", "put masks into the column mask"),
         (mirrored not in (*YES, *NO), f"mirrored is {cells['mirrored']!r}", "write yes or no"),
+        (not np.isfinite(at), f"time is {time!r}", "write a number"),
     ):
         if wrong:
             raise InputError(where, problem, hint)
-    label, at = cells["label"] if mask else None, float(time) if time else None
-    return Row(where, name, path, label, mirrored in YES, cells["group"], at)
+    label = cells["label"] if mask else None
+    return Row(where, name, path, label, mirrored in YES, cells["group"], at if time else None)
 
 
 def fingerprint(*parts: object) -> str:

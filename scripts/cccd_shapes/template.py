@@ -25,14 +25,12 @@ MODES = 100
 SHIFT = 1e-3
 #: Triangles that the first control mesh is chosen among, by those that it keeps.
 CHOSEN_AMONG = 16
-#: Quads for each triangle that a control mesh is made of, about.
-QUADS_OF_TRIANGLE = 2
 
 
 def control_mesh_of(mesh: Mesh, points: int) -> ControlMesh:
     """Fit a closed spline, with about so many control points, to a closed mesh that is oriented outwards."""
     nowhere = (-np.inf, np.inf)  # no plane cuts a subject's surface here: rims are part of its shape
-    triangles = max(points // QUADS_OF_TRIANGLE, 20)
+    triangles = max(points // 2, 20)  # two quads are made of each, about
     start, _ = control_mesh(mesh.simplified(CHOSEN_AMONG * triangles), triangles, nowhere)
     return fit_spline(start, Target.of(mesh)).spline
 

@@ -1,14 +1,15 @@
 """The measures of the exact-truth benchmark on surfaces whose answers are known."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 pytest.importorskip("vtk")
-trimesh = pytest.importorskip("trimesh")
 
-from scipy.spatial.transform import Rotation  # noqa: E402
-from support.solids import mesh_of, sphere  # noqa: E402
-from truth_measures import (  # noqa: E402
+from scipy.spatial.transform import Rotation
+from support.closed_shapes import box, moved, sphere, together, torus
+from truth_measures import (
     Target,
     bending,
     compare,
@@ -24,21 +25,10 @@ from truth_measures import (  # noqa: E402
     wrong_voxels,
 )
 
-from cccd.geometry.mesh import Mesh  # noqa: E402
+from cccd.geometry.mesh import Mesh
 
-
-def ball(radius, centre=(0, 0, 0)):
-    return sphere(radius, centre, 5)
-
-
-def box(edges=(20, 20, 20), shift=(0, 0, 0)):
-    return mesh_of(trimesh.creation.box(extents=edges), shift)
-
-
-def joined(*meshes):
-    starts = np.cumsum([0, *(len(mesh.vertices) for mesh in meshes)])
-    faces = [mesh.faces + start for mesh, start in zip(meshes, starts, strict=False)]
-    return Mesh(np.concatenate([mesh.vertices for mesh in meshes]), np.concatenate(faces))
+ball = partial(sphere, subdivisions=5)
+cube = partial(box, (20, 20, 20))
 
 
 def grid(shape, affine):
@@ -70,7 +60,7 @@ def test_a_surface_is_no_distance_from_itself_whatever_its_orientation():
 
 
 def test_a_shifted_box_is_off_on_two_of_its_six_faces():
-    found = compare(box(shift=(1, 0, 0)), Target(box()))
+    found = compare(moved(cube(), (1, 0, 0)), Target(cube()))
     assert found["assd_mm"] == pytest.approx(1 / 3, abs=0.01)
     assert found["farthest_mm"] == pytest.approx(1, abs=1e-9)
     assert found["normals_median_deg"] == pytest.approx(0, abs=1e-5)
@@ -78,7 +68,7 @@ def test_a_shifted_box_is_off_on_two_of_its_six_faces():
 
 def test_both_surfaces_count():
     # one ball of two is found; whoever looks from the one to the two alone sees nothing
-    one, two = ball(5), joined(ball(5), ball(5, (30, 0, 0)))
+    one, two = ball(5), together(ball(5), ball(5, (30, 0, 0)))
     assert compare(one, Target(two))["farthest_mm"] == pytest.approx(
         compare(two, Target(one))["farthest_mm"], 0.01
     )
@@ -96,24 +86,24 @@ def test_samples_are_uniform_over_the_area():
 def test_bending_of_a_ball_and_a_box():
     assert bending(ball(10)) == pytest.approx(2 / 10, rel=0.01)
     # twelve edges of 20, a quarter turn each, over six faces
-    assert bending(box()) == pytest.approx(12 * 20 * np.pi / 2 / 2400)
+    assert bending(cube()) == pytest.approx(12 * 20 * np.pi / 2 / 2400)
 
 
 def test_euler_numbers_and_open_edges():
-    hollow = joined(ball(10), ball(5))
-    torus = mesh_of(trimesh.creation.torus(major_radius=10, minor_radius=3))
-    assert [euler_number(mesh) for mesh in (ball(10), torus, hollow)] == [2, 0, 4]
-    assert [open_edges(mesh) for mesh in (ball(10), torus, hollow)] == [0, 0, 0]
+    hollow = together(ball(10), ball(5))
+    ring = torus()
+    assert [euler_number(mesh) for mesh in (ball(10), ring, hollow)] == [2, 0, 4]
+    assert [open_edges(mesh) for mesh in (ball(10), ring, hollow)] == [0, 0, 0]
     holed = Mesh(ball(10).vertices, ball(10).faces[1:])
     assert (open_edges(holed), euler_number(holed)) == (3, 1)
     # a vertex without faces does not count
-    assert euler_number(Mesh(np.vstack([box().vertices, [99, 99, 99]]), box().faces)) == 2
+    assert euler_number(Mesh(np.vstack([cube().vertices, [99, 99, 99]]), cube().faces)) == 2
 
 
 def test_vtk_gives_back_the_mesh():
-    mesh = from_polydata(to_polydata(box()))
-    assert np.array_equal(mesh.vertices, box().vertices)
-    assert np.array_equal(mesh.faces, box().faces)
+    mesh = from_polydata(to_polydata(cube()))
+    assert np.array_equal(mesh.vertices, cube().vertices)
+    assert np.array_equal(mesh.faces, cube().faces)
     assert len(from_polydata(to_polydata(Mesh.empty())).faces) == 0
 
 
@@ -129,7 +119,7 @@ def test_inside_is_known_for_a_ball_on_an_oblique_grid(flip):
 def test_nothing_is_inside_an_empty_mesh_and_a_cavity_is_outside():
     shape, affine = (25, 25, 25), turned_affine((25, 25, 25), 1.0)
     assert not inside(Mesh.empty(), affine, shape).any()
-    hollow = inside(joined(ball(10), ball(5)), affine, shape)
+    hollow = inside(together(ball(10), ball(5)), affine, shape)
     assert np.array_equal(hollow, inside(ball(10), affine, shape) & ~inside(ball(5), affine, shape))
 
 

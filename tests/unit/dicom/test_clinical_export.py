@@ -4,23 +4,17 @@ import nibabel as nib
 import numpy as np
 import pydicom
 import pytest
-import trimesh
+from support.closed_shapes import box, moved, sphere, together
 from support.scans import affine_of, dicom_affine, full, grey, inside, row, settings, write_series
 
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files.meshes import write_label_map
 from cccd.files.options import ExportOptions
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
 from cccd.surface.surface import LoftedSurface
 from cccd_dicom.rtstruct import write_rtstruct
-
-
-def ball_mesh(centre, radius=15.0):
-    mesh = trimesh.creation.icosphere(4, radius)
-    return Mesh(mesh.vertices + centre, np.asarray(mesh.faces, np.int64))
 
 
 def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=True, shape=(44, 36, 16)):
@@ -29,16 +23,9 @@ def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=Tru
     return Frame(affine, 2, shape)
 
 
-def box_mesh(shift=0.0):
-    box = trimesh.creation.box((8, 6, 4))
-    return Mesh(np.add(box.vertices, shift), np.asarray(box.faces, np.int64))
-
-
 def shell_mesh(centre):
     """A ball with a cavity."""
-    outer, inner = ball_mesh(centre), ball_mesh(centre, 7.0)
-    faces = np.vstack([outer.faces, inner.faces[:, ::-1] + len(outer.vertices)])
-    return Mesh(np.vstack([outer.vertices, inner.vertices]), faces)
+    return together(sphere(15.0, centre), sphere(7.0, centre).reversed())
 
 
 def whole_grid(mesh, frame):
@@ -50,7 +37,7 @@ CENTRE = np.array((4.0, -7.0, 11.0))
 
 def test_vertices_on_voxel_centres():
     """A box whose faces and edges pass exactly through voxel centres is still filled without streaks."""
-    mask = whole_grid(box_mesh(10), Frame(np.eye(4), 2, (20, 20, 20)))
+    mask = whole_grid(moved(box((8, 6, 4)), 10), Frame(np.eye(4), 2, (20, 20, 20)))
     assert mask[7:14, 8:13, 9:12].all()  # the inner voxels
     outer = np.ones((20, 20, 20), bool)
     outer[6:15, 7:14, 8:13] = False
@@ -70,7 +57,7 @@ def test_cavity_and_mesh_beyond_the_grid():
 
 def test_label_map_is_read_back(tmp_path):
     frame = frame_around(CENTRE)
-    mesh = ball_mesh(CENTRE)
+    mesh = sphere(15.0, CENTRE)
     name = "out.nii.gz"
     write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
@@ -88,7 +75,7 @@ def test_rtstruct_on_its_series(tmp_path):
     series = write_series(tmp_path / "dicom", grey(np.zeros(shape, bool)), affine)
     frame = Frame(affine, 2, shape)
     centre = affine[:3, :3] @ (np.array(shape) / 2) + affine[:3, 3]
-    mesh = ball_mesh(centre)
+    mesh = sphere(15.0, centre)
     write_rtstruct(
         tmp_path / "rt.dcm", mesh, frame, name="ball", reference=tmp_path / "dicom", keep_patient=True
     )
@@ -125,12 +112,12 @@ def test_rtstruct_on_any_spacing_with_holes(tmp_path):
 def test_same_surface_same_bytes(tmp_path):
     frame = frame_around(CENTRE)
     for name in ("a.dcm", "b.dcm"):
-        write_rtstruct(tmp_path / name, ball_mesh(CENTRE), frame, name="ball")
+        write_rtstruct(tmp_path / name, sphere(15.0, CENTRE), frame, name="ball")
     assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
 
 
 def test_reference_without_dicom(tmp_path):
     (tmp_path / "empty").mkdir()
-    mesh = ball_mesh(CENTRE)
+    mesh = sphere(15.0, CENTRE)
     with pytest.raises(InputError, match="no DICOM images"):
         write_rtstruct(tmp_path / "a.dcm", mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty")

@@ -19,7 +19,7 @@ from cccd.store import read_bodies
 from cccd_shapes import FROM_MEAN
 from cccd_shapes.cohort import Cohort, aligned, first_template, fit_cohort, fit_subject, read_fit
 from cccd_shapes.fit import Fit, fit_template, similarity
-from cccd_shapes.model import _doubts
+from cccd_shapes.model import _doubts, describe
 from cccd_shapes.series import fit_series
 from cccd_shapes.subjects import MIRROR, Row, Subject, read_sheet
 from cccd_shapes.template import Template, control_mesh_of
@@ -60,14 +60,13 @@ def subject(name: str, mesh: Mesh, time: float | None = None) -> Subject:
     return Subject(Row("sheet.tsv", name, None, None, False, "", time), mesh, 1.0, 0.5)
 
 
-def on_body(points, mesh: Mesh, other: Mesh | None = None):
-    """Where on the body, or on another mesh with its faces, the points of a deformed one are."""
-    other = other or body()
+def on_body(points, mesh: Mesh):
+    """Where on the body the points of a deformed one are."""
     face = mesh.faces[nearest_faces(points, mesh)]
     a, b, c = (mesh.vertices[face[:, k]] for k in range(3))
     edges = np.stack([b - a, c - a], axis=2)
     weights = np.einsum("nij,nj->ni", np.linalg.pinv(edges), points - a).clip(0, 1)
-    corners = [other.vertices[face[:, k]] for k in range(3)]
+    corners = [body().vertices[face[:, k]] for k in range(3)]
     return (
         corners[0] + weights[:, :1] * (corners[1] - corners[0]) + weights[:, 1:] * (corners[2] - corners[0])
     )
@@ -224,7 +223,10 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
     assert points == pytest.approx(meshes[0].vertices[: len(points)], abs=1e-5)
     assert len(pd.read_csv(out / "scores.csv")) == 6
     assert (out / "groups.vtp").is_file()
-    assert "Mode 1 (" in (out / "modes.html").read_text()
+    page = (out / "modes.html").read_text()
+    assert "6 of 6 subjects" in page
+    assert "Mode 1 (" in page
+    assert "p = " in page
 
 
 @pytest.mark.parametrize(
@@ -238,8 +240,9 @@ def test_the_command_takes_mirrored_subjects_and_writes_the_same_faces(tmp_path)
         ("name\tsurface\na\tsheet.tsv", "sheet.tsv is not a surface"),
         ("name\tmask\tmirrored\na\tsheet.tsv\tperhaps", "mirrored is 'perhaps'"),
         ("name\tmask\na\tsheet.tsv\na\tsheet.tsv", "the name 'a' is there twice"),
-        ("name\tmask\na\tsheet.tsv", "it has 1 subjects"),
+        ("name\tmask\na\tsheet.tsv", "it has fewer than 3 subjects; add rows"),
         ("name\tmask\ttime\na\tsheet.tsv\tnow", "time is 'now'"),
+        ("name\tmask\ttime\na\tsheet.tsv\tnan", "row 2: time is 'nan'; write a number"),
         ("name\tmask\ttime\na\tsheet.tsv\t1\nb\tsheet.tsv\t", "row 3: it has no time"),
     ],
 )
@@ -247,6 +250,39 @@ def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
     (tmp_path / "sheet.tsv").write_text(text)
     with pytest.raises(InputError, match=said):
         read_sheet(tmp_path / "sheet.tsv")
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--tolerance=0", "--tolerance: it is 0; give a number of at least 0.001"),
+        ("--tolerance=nan", "--tolerance: it is nan"),
+        ("--period=inf", "--period: it is inf"),
+        ("--period=0.8", "--period: it is of a series; give the sheet a column time"),
+        ("4 times", "sheet.tsv: 4 frames are too few; give 6 that fit"),
+        ("6 times", "sheet.tsv: the frames leave parts of the time open"),
+    ],
+)
+def test_what_a_call_lacks_is_said_before_any_surface_is_made(tmp_path, capsys, words, said):
+    option, times = ([words], ["", "", ""]) if words.startswith("-") else ([], int(words[0]) * ["1"])
+    rows = [f"s{n}\tsheet.tsv\t{time}" for n, time in enumerate(times)]
+    (tmp_path / "sheet.tsv").write_text("\n".join(["name\tmask\ttime", *rows]))
+    assert main(["shapes", str(tmp_path / "sheet.tsv"), "-o", str(tmp_path / "model"), *option]) == 1
+    assert said in capsys.readouterr().err
+    assert not (tmp_path / "model").exists()
+
+
+def test_groups_that_cannot_be_compared_are_said_and_nothing_of_another_sheet_stays(cohort, tmp_path):
+    (old := tmp_path / "fitted" / "gone" / "surface.ply").parent.mkdir(parents=True)
+    old.write_text("")
+    for groups, told in (("aaaaaa", "(a: 5)"), ("aaabb ", "(a: 3, b: 2)"), ("aaa   ", "(a: 3, no group: 2)")):
+        named = zip(cohort[0].subjects, groups, strict=True)
+        grouped = [replace(one, row=replace(one.row, group=name.strip())) for one, name in named]
+        made = describe(replace(cohort[0], subjects=grouped), tmp_path, permutations=19)
+        assert f"groups are not compared {told}" in made["warnings"][-1]
+        assert "p" not in made
+    assert "wrong does not fit: " in (tmp_path / "modes.html").read_text()
+    assert not old.exists()
 
 
 def test_the_wider_shape_is_reached_from_the_narrower_one():
