@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17594,
+    "scripts/cccd": 17578,
     "scripts/cccd_calibration": 730,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
