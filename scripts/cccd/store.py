@@ -24,17 +24,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from cccd.containers import (
-    Annotation,
-    Boundaries,
-    Curves,
-    FittedCurves,
-    Frame,
-    Grid,
-    Sections,
-    Splines,
-    Structure,
-)
+from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Grid, Sections, Splines, Structure
 from cccd.errors import InputError
 
 if TYPE_CHECKING:  # loaded where they are read: each job has a process of its own
@@ -48,7 +38,6 @@ __all__ = [
     "atomic_path",
     "bodies_bytes",
     "check_writable",
-    "read_annotation",
     "read_band",
     "read_bodies",
     "read_boundaries",
@@ -328,12 +317,6 @@ def read_structure(path: str | Path) -> Structure:
         return read_fields(file, Structure)
 
 
-def read_annotation(path: str | Path) -> Annotation | None:
-    """Read which slices ``structure.h5`` knows, where that is not all of them."""
-    with open_file(path) as file:
-        return read_value(file, "annotation", Annotation | None)
-
-
 def read_sections(contours: str | Path, structure: str | Path) -> Sections:
     """Read what a surface is lofted from: ``contours.h5``, and what ``structure.h5`` knows of its slices."""
     return read_structure(structure).sections(read_curves(contours))
@@ -341,7 +324,8 @@ def read_sections(contours: str | Path, structure: str | Path) -> Sections:
 
 def read_drawn(path: str | Path) -> Structure | None:
     """Read ``structure.h5`` where only some slices were drawn; None where all are known."""
-    return None if read_annotation(path) is None else read_structure(path)
+    with open_file(path) as file:
+        return read_fields(file, Structure) if "annotation" in file else None
 
 
 def read_compared(path: str | Path) -> Structure:

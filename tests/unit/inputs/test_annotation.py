@@ -11,7 +11,7 @@ from cccd.errors import InputError
 from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_annotation, read_compared, read_structure, write_structure
+from cccd.store import read_compared, read_drawn, read_structure, write_structure
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
@@ -222,7 +222,7 @@ def test_what_was_drawn_is_stored_and_is_all_that_is_measured_against(tmp_path):
     write_nifti(tmp_path / "liver.nii.gz", drawn.astype(np.uint8), np.diag([1, 1, 1.5, 1]))
     structure = load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
     write_structure(tmp_path / "structure.h5", structure)
-    stored = read_annotation(tmp_path / "structure.h5")
+    stored = read_drawn(tmp_path / "structure.h5").annotation
     assert np.array_equal(stored.slices, slices)
     assert np.array_equal(stored.guides[0].inside, structure.annotation.guides[0].inside)
     assert np.array_equal(stored.guides[0].origin, structure.annotation.guides[0].origin)
