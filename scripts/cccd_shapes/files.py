@@ -106,7 +106,8 @@ def _write_arrays(path: Path, arrays: Mapping[str, Any], attributes: Mapping[str
     with atomic_path(path) as part, h5py.File(part, "w", track_order=True) as file:
         for name, values in arrays.items():
             file.create_dataset(name, data=values, compression="gzip", track_times=False)
-        file.attrs.update(attributes)
+        for name, value in attributes.items():
+            file.attrs[name] = value
 
 
 def _write_page(path: Path, mean: ControlMesh, model: ShapeModel, count: int) -> None:

@@ -17,7 +17,7 @@ MOST_LINES = {
     "scripts/cccd_networks": 213,
     "scripts/cccd_paper": 9591,
     "scripts/cccd_segmentation": 1713,
-    "scripts/cccd_shapes": 1490,
+    "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1980,
     "scripts/cccd_tetrahedra": 1534,
     "scripts/cccd_training": 3664,
