@@ -24,7 +24,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1914,
     "scripts/cccd_workflow": 5974,
     "bench": 4709,
-    "tests": 24884,
+    "tests": 24890,
 }
 
 
