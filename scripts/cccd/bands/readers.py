@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
@@ -47,13 +47,11 @@ class Reader:
         InputError
             There were too few organs for it.
         """
-        if share > SHARES[len(self.widths) - 1] or share < SHARES[0]:
-            most = SHARES[len(self.widths) - 1]
-            problem = f"{self.made_of} are too few for a share of {share:g}"
-            raise InputError(
-                "surface.reader_mm", problem, f"choose surface.band from {SHARES[0]:g} to {most:g}"
-            )
         shares = SHARES[: len(self.widths)]
+        if not shares[0] <= share <= shares[-1]:
+            problem = f"{self.made_of} are too few for a share of {share:g}"
+            hint = f"choose surface.band from {shares[0]:g} to {shares[-1]:g}"
+            raise InputError("surface.reader_mm", problem, hint)
         return float(np.interp(share, shares, self.widths)), float(np.interp(share, shares, self.swept))
 
     @classmethod
@@ -81,7 +79,10 @@ class Reader:
         hint = "make one with cccd calibrate --readers"
         try:
             plain = json.loads(path.read_text(encoding="utf-8"))
-            unit, reader = plain["unit"], cls((*plain["widths"],), (*plain["swept"],), str(plain["made_of"]))
+            table = np.array([plain["widths"], plain["swept"]], float)
+            unit, reader = plain["unit"], cls(*map(tuple, table.tolist()), str(plain["made_of"]))
+            if not np.all((table >= 0) & (table < np.inf)) or not 0 < len(table[0]) <= len(SHARES):
+                raise ValueError(table)
         except OSError as error:
             problem = f"the readers' calibration cannot be read ({error.strerror})"
             raise InputError(str(path), problem, hint) from None
@@ -93,5 +94,4 @@ class Reader:
 
     def write(self, path: Path) -> None:
         """Write it as JSON."""
-        plain = {"made_of": self.made_of, "unit": UNIT, "widths": self.widths, "swept": self.swept}
-        path.write_text(json.dumps(plain, indent=1) + "\n", encoding="utf-8")
+        path.write_text(json.dumps(asdict(self) | {"unit": UNIT}, indent=1) + "\n", encoding="utf-8")

@@ -286,10 +286,16 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     assert "pairs.tsv: not UTF-8 text" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("given", ["0", "-1", "nan", "gone.json", "1000", "pixels.json"])
+#: Widths of a file that are no lengths, or not as many as it has others.
+NO_WIDTHS = ("[-1]", "[NaN]", '["a"]', "[1, 2]", "[]", "null")
+
+
+@pytest.mark.parametrize("given", ["0", "-1", "nan", "gone.json", "1000", "pixels.json", *NO_WIDTHS])
 def test_what_no_reader_differs_by_is_refused(given, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     Path("pixels.json").write_text('{"made_of": "", "unit": "pixel", "widths": [1], "swept": [1]}')
+    for widths in NO_WIDTHS:
+        Path(widths).write_text(f'{{"made_of": "", "unit": "mm", "widths": {widths}, "swept": [1]}}')
     with pytest.raises(InputError, match="in pixel, not in mm" if given == "pixels.json" else None):
         Reader.of(given)
 
