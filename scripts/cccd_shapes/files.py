@@ -87,8 +87,7 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, made: Mapping[s
     frame, spline = cohort.subjects[0].frame, cohort.template.spline
     arrays = {"mean": model.mean, "modes": model.modes, "deviations_mm": model.deviations}
     arrays |= {"quads": spline.quads, "scores": model.scores}
-    names = [cohort.subjects[number].name for number in cohort.used]
-    _write_arrays(folder / "modes.h5", arrays, "names", names)
+    _write_arrays(folder / "modes.h5", arrays, "names", [cohort.subjects[n].name for n in cohort.used])
     shown = min(SHOWN_MOST, 1 + int(np.searchsorted(model.compactness, SHOWN_SHARE)), len(model.deviations))
     write_table(folder / "modes.csv", pd.DataFrame(measure_model(model)))
     _write_spline(folder / "mean", spline.moved(model.mean), frame)

@@ -108,7 +108,8 @@ def _row(folder: Path, where: str, line: Mapping[str, str]) -> Row:
     cells = {name: line.get(name, "") for name in COLUMNS}
     name, surface, mask, time = (cells[column] for column in ("name", "surface", "mask", "time"))
     path, mirrored = folder / (surface or mask), cells["mirrored"].lower()
-    at = float(np.genfromtxt([time or "0"], delimiter="\t", comments=None))  # NaN where it is no number
+    written = re.fullmatch(r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?", time or "0")
+    at = float(time or 0) if written else np.nan
     for wrong, problem, hint in (
         (not re.fullmatch(r"[A-Za-z0-9_-]+", name), f"name {name!r}", "use letters, digits, - and _"),
         (bool(surface) == bool(mask), "it needs one of surface and mask", "fill one of the two columns"),

@@ -80,7 +80,8 @@ class Reader:
         try:
             plain = json.loads(path.read_text(encoding="utf-8"))
             table = np.array([plain["widths"], plain["swept"]], float)
-            unit, reader = plain["unit"], cls(*map(tuple, table.tolist()), str(plain["made_of"]))
+            widths, swept = table.tolist()
+            unit, reader = plain["unit"], cls((*widths,), (*swept,), str(plain["made_of"]))
             if not np.all((table >= 0) & (table < np.inf)) or not 0 < len(table[0]) <= len(SHARES):
                 raise ValueError(table)
         except OSError as error:
