@@ -16,7 +16,7 @@ import numpy as np
 from scipy.sparse import coo_array, csr_array, eye_array
 from scipy.sparse.linalg import spsolve
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.subdivision import SHARP, ControlMesh, Sampler, quad_edges
 from cccd.tolerances import TINY
 
@@ -202,7 +202,7 @@ class LimitPatches:
             np.einsum("etc,etc->et", np.cross(first[0], second[0]), first[2]),
             np.einsum("etc,etc->et", first[0], second[0]),
         )
-        return _Folds(angle, _unit(first[0] + second[0]), first[1], second[1])
+        return _Folds(angle, unit_vectors(first[0] + second[0]), first[1], second[1])
 
     def eased(self) -> LimitPatches:
         """Move inner points beside irregular corners along the normals: jumps over edges get small."""
@@ -248,7 +248,7 @@ class LimitPatches:
     def _normals(self) -> FloatArray:
         """Unit normals (4 Q, 3) of each quad's patch at its corners."""
         start = self.corners[self.links.origin]
-        return _unit(np.cross(self.along - start, self.along[self.links.around] - start))
+        return unit_vectors(np.cross(self.along - start, self.along[self.links.around] - start))
 
     def rounded(self, step: float, kept: BoolArray) -> LimitPatches:
         """Round control points so that few digits do, and patches that join smoothly still do.
@@ -287,16 +287,12 @@ def _round(points: FloatArray, step: float) -> FloatArray:
     return np.round(points / step) * step
 
 
-def _unit(vectors: FloatArray) -> FloatArray:
-    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), TINY)
-
-
 def _side(rows: FloatArray, at: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Find normals (E, N, 3) along the first of two rows (E, 2, 4, 3) of control points, widths, tangents."""
-    tangent = _unit(np.asarray(np.einsum("ta,eac->etc", bernstein(at, True), rows[:, 0]), np.float64))
+    tangent = unit_vectors(np.asarray(np.einsum("ta,eac->etc", bernstein(at, True), rows[:, 0]), np.float64))
     into = 3 * np.asarray(np.einsum("ta,eac->etc", bernstein(at), rows[:, 1] - rows[:, 0]), np.float64)
     into -= np.einsum("etc,etc->et", into, tangent)[..., None] * tangent
-    normal = _unit(np.asarray(np.cross(tangent, into), np.float64))
+    normal = unit_vectors(np.asarray(np.cross(tangent, into), np.float64))
     return normal, np.linalg.norm(into, axis=2), tangent
 
 
@@ -334,7 +330,7 @@ def _along_creased(mesh: ControlMesh, links: HalfEdges, corners: FloatArray, inn
         return means
     before, after = links.sector
     count = before + after
-    plane = _unit(_normal_of_sector(mesh, links))
+    plane = unit_vectors(_normal_of_sector(mesh, links))
     height = np.einsum("hc,hc->h", means - corners[links.origin], plane)
     bent = (links.creases == 2) & (count > 2) & ~links.sharp
     return means - np.where(bent, height, 0.0)[:, None] * plane

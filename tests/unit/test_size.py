@@ -20,7 +20,7 @@ MOST_LINES = {
     "scripts/cccd_paper": 9540,
     "scripts/cccd_segmentation": 1708,
     "scripts/cccd_shapes": 1491,
-    "scripts/cccd_solids": 1980,
+    "scripts/cccd_solids": 1976,
     "scripts/cccd_tetrahedra": 1522,
     "scripts/cccd_training": 3664,
     "scripts/cccd_vessels": 1908,

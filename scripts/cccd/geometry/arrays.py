@@ -13,6 +13,8 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
+from cccd.tolerances import TINY
+
 __all__ = [
     "AnyArray",
     "BoolArray",
@@ -31,6 +33,7 @@ __all__ = [
     "split_ragged",
     "successors",
     "sum_per_part",
+    "unit_vectors",
 ]
 
 FloatArray: TypeAlias = npt.NDArray[np.float64]
@@ -45,6 +48,11 @@ RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]
 AnyArray: TypeAlias = npt.NDArray[Any]
 
 _Scalar = TypeVar("_Scalar", bound=np.generic)
+
+
+def unit_vectors(vectors: FloatArray) -> FloatArray:
+    """Vectors (..., 3) of unit length; those of no length stay so."""
+    return vectors / np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), TINY)
 
 
 def connected_parts(first: IntArray, second: IntArray, count: int) -> IntArray:

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.sparse import csr_array
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of, unit_vectors
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
@@ -303,7 +303,7 @@ class _Collapsing:
 
     def _keep_sides(self, edges: _Edges, around: _Around) -> BoolArray:
         """Whether no triangle around edges (E,) turns over or becomes a sliver when they collapse."""
-        joined = _unit(self.normals[edges.u] + self.normals[edges.v])
+        joined = unit_vectors(self.normals[edges.u] + self.normals[edges.v])
         good = np.ones(len(edges.u), np.bool_)
         for x, y in ((edges.u, edges.v), (edges.v, edges.u)):
             edge, corner = around.corners(x)
@@ -314,7 +314,7 @@ class _Collapsing:
             a, b = self.points[g], self.points[h]
             normal, edges2 = _doubled(edges.to[edge], a, b)
             size = np.linalg.norm(normal, axis=1)
-            there = joined[edge] + _unit(self.normals[g]) + _unit(self.normals[h])
+            there = joined[edge] + unit_vectors(self.normals[g]) + unit_vectors(self.normals[h])
             turned = (normal * there).sum(axis=1) < _LEAST_COSINE * size * np.linalg.norm(there, axis=1)
             old, old_edges2 = _doubled(self.points[x[edge]], a, b)
             thinner = size * old_edges2 < np.linalg.norm(old, axis=1) * edges2
@@ -411,7 +411,3 @@ def _doubled(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, F
     y = ab[:, 2] * ac[:, 0] - ab[:, 0] * ac[:, 2]
     z = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
     return np.column_stack([x, y, z]), (ab * ab + ac * ac + bc * bc).sum(axis=1)
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    return vectors / (np.linalg.norm(vectors, axis=1, keepdims=True) + TINY)

@@ -14,7 +14,15 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, offsets_of, ranks_of
+from cccd.geometry.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    connected_parts,
+    offsets_of,
+    ranks_of,
+    unit_vectors,
+)
 from cccd.geometry.sides import opposite_sides, pinched_vertices
 
 __all__ = ["Patches", "may_cross"]
@@ -58,7 +66,7 @@ def may_cross(vertices: FloatArray, faces: IntArray) -> BoolArray:
     apart = patches.far_pairs()
     if apart is None:
         return everything
-    chosen = patches.bent | patches.irregular
+    chosen = patches.irregular
     for pairs in (patches.folded(patches.touching), patches.not_parted(apart)):
         chosen[pairs] = True
     return chosen[patches.of]
@@ -82,7 +90,7 @@ class Patches:
     def __init__(self, vertices: FloatArray, faces: IntArray, cell: float) -> None:
         self.vertices, self.faces, self.cell = vertices, faces, cell
         a, b, c = (vertices[corner] for corner in faces.T)
-        self.normals = _unit(np.cross(b - a, c - a))
+        self.normals = unit_vectors(np.cross(b - a, c - a))
         largest = np.abs(self.normals).argmax(axis=1)
         direction = 2 * largest + (self.normals[np.arange(len(faces)), largest] > 0)
         key = 6 * _cell_numbers(np.floor((a + b + c) / (3 * cell)).astype(np.int64)) + direction
@@ -95,20 +103,15 @@ class Patches:
         self._corners = _incidence(np.repeat(self.of, 3), faces.ravel(), (self.count, len(vertices)))
         self._points = vertices[self._corners.indices]
         sums = [np.bincount(self.of, along) for along in self.normals.T]
-        self.axes = _unit(np.column_stack(sums).astype(float))
+        self.axes = unit_vectors(np.column_stack(sums).astype(float))
         self._cone = np.zeros(self.count)
         np.maximum.at(self._cone, self.of, _angles(self.normals, self.axes[self.of]))
 
     @property
-    def bent(self) -> BoolArray:
-        """Patches (P,) whose own normals lie in no cone."""
-        return 2 * self._cone > TURN
-
-    @cached_property
     def irregular(self) -> BoolArray:
-        """Patches (P,) with an edge that is not of two triangles, or a vertex of several fans."""
+        """Patches (P,) that bend, have an edge that is not of two triangles, or a vertex of several fans."""
         pinched = pinched_vertices(self.faces, self.opposite)[self.faces]
-        wrong = np.zeros(self.count, np.bool_)
+        wrong = 2 * self._cone > TURN
         wrong[self.of[((self.opposite < 0).reshape(-1, 3) | pinched).any(axis=1)]] = True
         return wrong
 
@@ -136,8 +139,8 @@ class Patches:
         _, wide, deep = sizes[patch].T
         offset = np.column_stack([number // (wide * deep), number // deep % wide, number % deep])
         cells, place = np.unique(_cell_numbers(first[patch] + offset), return_inverse=True)
-        near = _numbers(_pairs(_incidence(patch, place, (self.count, len(cells)))), self.count)
-        far = np.setdiff1d(near, _numbers(self.touching, self.count), assume_unique=True)
+        near = _pairs(_incidence(patch, place, (self.count, len(cells))))
+        far = np.setdiff1d(near @ [self.count, 1], self.touching @ [self.count, 1], assume_unique=True)
         pairs = np.column_stack(np.divmod(far, self.count))
         one, other = pairs.T
         return pairs[np.all((low[one] <= high[other]) & (low[other] <= high[one]), axis=1)]
@@ -192,15 +195,6 @@ def _pairs(rows: csr_array) -> IntArray:
     shared = (rows @ rows.T).tocoo()
     once = shared.row < shared.col
     return np.column_stack([shared.row[once], shared.col[once]]).astype(np.int64)
-
-
-def _numbers(pairs: IntArray, count: int) -> IntArray:
-    return pairs[:, 0] * count + pairs[:, 1]
-
-
-def _unit(vectors: FloatArray) -> FloatArray:
-    length = np.linalg.norm(vectors, axis=1)[:, None]
-    return vectors / np.where(length > 0, length, 1)
 
 
 def _dots(one: FloatArray, other: FloatArray) -> FloatArray:
