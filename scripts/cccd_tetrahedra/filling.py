@@ -230,7 +230,7 @@ def _bounded(
     frames: Mapping[str, Frame],
     quadratic: bool,
 ) -> TetrahedralMesh:
-    """Name the boundaries, and curve them or balance their chords."""
+    """Name the boundaries of regions (N,); curve them, or balance chords: no vertex leaves a scan."""
     names = tuple(organs)
     sides, beyond = _bounding_sides(tetrahedra, regions)
     triangles = tetrahedra[sides[:, 0, None], FACES[sides[:, 1]]]
@@ -238,14 +238,16 @@ def _bounded(
     cut = np.zeros(len(sides), bool)
     for n, frame in ((n, frames[name]) for n, name in enumerate(names) if name in frames):
         own = (owners == n) & (beyond < 0)
-        cut[own] = _at_the_end_of(frame, Mesh(vertices, triangles[own]))
+        cut[own] = _cut_at(frame, Mesh(vertices, triangles[own]))
     keys = zip(owners.tolist(), beyond.tolist(), cut.tolist(), strict=True)
     group_names, groups = np.unique([_group(*key, names) for key in keys], return_inverse=True)
     if quadratic:
         curved = curve_edges(vertices, tetrahedra, triangles, organs.values())
         vertices, middles, counts = curved.vertices, curved.middles, (curved.boundary, curved.straight)
     else:
-        fixed = np.unique(triangles[cut])
+        fixed = np.zeros(len(vertices), bool)
+        for frame in frames.values():  # of a bevelled rim too
+            fixed |= _at_ends_of(frame, vertices).any(axis=(1, 2))
         vertices = _balanced(vertices, tetrahedra, inside, organs, fixed)
         middles, counts = None, (0, 0)
     numbered = (regions, names, sides, groups, tuple(group_names.tolist()))
@@ -257,11 +259,10 @@ def _balanced(
     tetrahedra: IntArray,
     inside: BoolArray,
     organs: Mapping[str, Mesh],
-    fixed_vertices: IntArray,
+    fixed: BoolArray,
 ) -> FloatArray:
-    """Balance the chords of one organ after the other; what was moved, and the scan's ends, stay."""
-    fixed = np.zeros(len(vertices), bool)
-    fixed[fixed_vertices] = True
+    """Balance the chords of one organ after the other; what is fixed, or was moved, stays."""
+    fixed = fixed.copy()
     for n, mesh in enumerate(organs.values()):
         own, _ = _bounding_sides(tetrahedra[inside[:, n]], np.zeros(inside[:, n].sum(), np.int64))
         closed = tetrahedra[inside[:, n]][own[:, 0, None], FACES[own[:, 1]]]
@@ -334,19 +335,22 @@ def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, 
     return np.column_stack([kept // 4, kept % 4]), beyond[kept]
 
 
-def _at_the_end_of(frame: Frame, faces: Mesh) -> BoolArray:
-    """Whether triangles (T,) lie on a side of the scan's box, and face its way."""
+def _at_ends_of(frame: Frame, points: FloatArray) -> BoolArray:
+    """Whether points (P, 3) lie on the lower and upper sides of the scan's box (P, 3, 2)."""
     frame = frame.of_file
     inverse = np.linalg.inv(frame.affine)
-    index = (faces.vertices @ inverse[:3, :3].T + inverse[:3, 3])[faces.faces]
-    normal = faces.unit_normals
-    found = np.zeros(len(normal), bool)
-    for axis, count in enumerate(frame.shape):
-        along = normal @ (inverse[axis, :3] / np.linalg.norm(inverse[axis, :3]))
-        for side, way in ((-0.5, -1), (count - 0.5, 1)):
-            near = np.all(np.abs(index[:, :, axis] - side) < AT_SIDE, axis=1)
-            found |= near & (way * along > ALONG)
-    return found
+    index = points @ inverse[:3, :3].T + inverse[:3, 3]
+    ends = np.stack([np.full(3, -0.5), np.array(frame.shape) - 0.5], axis=1)
+    return np.abs(index[:, :, None] - ends) < AT_SIDE
+
+
+def _cut_at(frame: Frame, faces: Mesh) -> BoolArray:
+    """Whether triangles (T,) lie on a side of the scan's box, and face its way."""
+    axes = np.linalg.inv(frame.of_file.affine)[:3, :3]
+    along = faces.unit_normals @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)).T
+    facing = np.stack([-along, along], axis=2) > ALONG
+    near = _at_ends_of(frame, faces.vertices)[faces.faces].all(axis=1)
+    return np.any(near & facing, axis=(1, 2))
 
 
 def _group(own: int, beyond: int, cut: bool, names: tuple[str, ...]) -> str:

@@ -11,7 +11,7 @@ import psutil
 import pytest
 import trimesh
 from support.bars import FRAME, HALF, SETTINGS, WIDTH, calculix, two_halves
-from support.solids import mesh_of, sphere
+from support.solids import box, mesh_of, sphere
 
 import cccd
 from cccd.containers import Frame
@@ -20,7 +20,7 @@ from cccd.geometry.mesh import Mesh
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.chords import balance_chords
 from cccd_tetrahedra.files import WRITERS
-from cccd_tetrahedra.filling import fill_organs
+from cccd_tetrahedra.filling import _bounded, fill_organs
 from cccd_tetrahedra.quality import warnings_of
 from cccd_tetrahedra.shapes import FACES, dihedral_angles, radius_ratios, signed_volumes
 
@@ -149,6 +149,18 @@ def test_chords_are_balanced_and_what_is_fixed_stays():
     assert inscribed.volume < 0.9 * ball.volume
     assert np.abs(signed_volumes(moved[tetrahedra])).sum() == pytest.approx(ball.volume, rel=0.02)
     assert np.array_equal(balance_chords(vertices, tetrahedra, inscribed.faces, ball, ~fixed), vertices)
+
+
+def test_no_vertex_leaves_the_scan():
+    """A roof in a box: no face lies along the end of the scan, where the ridge is, and all are far inside."""
+    roof = np.array([(-5.0, -5, -5), (5, -5, -5), (-5, 5, -5), (5, 5, -5), (0, -5, 5), (0, 5, 5)])
+    tetrahedra = np.array([(0, 4, 1, 5), (0, 1, 3, 5), (0, 3, 2, 5)])
+    regions, inside, organs = np.zeros(3, np.int64), np.ones((3, 1), bool), {"box": box((10, 10, 10))}
+    scan = Frame(np.array([[1.0, 0, 0, -10], [0, 1, 0, -10], [0, 0, 1, -7.5], [0, 0, 0, 1]]), 2, (20, 20, 13))
+    alone = _bounded(roof, tetrahedra, regions, inside, organs, {}, quadratic=False)
+    in_scan = _bounded(roof, tetrahedra, regions, inside, organs, {"box": scan}, quadratic=False)
+    assert alone.vertices[4:, 2].min() > 6
+    assert in_scan.vertices[4:, 2].tolist() == [5, 5]
 
 
 @pytest.mark.parametrize("key", ["edge_mm", "tolerance_mm"])
