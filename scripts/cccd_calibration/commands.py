@@ -67,8 +67,11 @@ def _of_masks(sheet: Path, settings: Settings) -> tuple[Calibration, list[str]]:
 def _of_readers(table: Path, settings: Settings) -> tuple[Reader, list[str]]:
     pairs: list[Pair] = []
     for row in tqdm(read_pairs(table), disable=None, leave=False):
-        first, second = (cccd.read(table.parent / name, row.label) for name in (row.first, row.second))
-        pairs.append(compare_readers(first, second, settings, row.name))
+        try:
+            first, second = (cccd.read(table.parent / name, row.label) for name in (row.first, row.second))
+            pairs.append(compare_readers(first, second, settings, row.name))
+        except InputError as error:
+            raise error.at(row.where) from None
     reader = calibrate_readers(pairs, settings.surface.band, table.name)
     width, _ = reader.at(settings.surface.band)
     return reader, [

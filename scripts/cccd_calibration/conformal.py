@@ -6,15 +6,16 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 
 __all__ = [
     "FACTORS",
     "coverage_curve",
-    "factor_of_organs",
     "fewest_organs",
     "first_enough",
     "smallest_factor",
+    "too_few_organs",
 ]
 
 #: Factors that are tried, each 2.5 % above the one before.
@@ -38,13 +39,22 @@ def fewest_organs(share: float) -> int:
     return int(np.ceil(share / (1 - share) - 1e-9))
 
 
-def smallest_factor(curves: FloatArray, share: float) -> float | None:
+def too_few_organs(location: str, count: int, share: float) -> InputError:
+    """Return the error that so many organs cannot guarantee a share."""
+    are = "organ is" if count == 1 else "organs are"
+    hint = f"give {2 * fewest_organs(share)} different organs or more"
+    return InputError(location, f"{count} {are} too few to guarantee {share:.0%}", hint)
+
+
+def smallest_factor(curves: FloatArray, names: Sequence[str | int], share: float) -> float | None:
     r"""Return the smallest of `FACTORS` that covers a share of a further organ's surface, on the mean.
 
     Parameters
     ----------
     curves : (N, F) float64
         What share of each organ the factors cover; they do not fall from left to right.
+    names : sequence (N,) of str or int
+        Of the organs: curves of one organ count as one, their mean.
     share : float
         Between 0 and 1.
 
@@ -56,19 +66,13 @@ def smallest_factor(curves: FloatArray, share: float) -> float | None:
     Examples
     --------
     >>> organs = np.array([coverage_curve(np.array([score])) for score in np.arange(1.0, 20)])
-    >>> 18 <= smallest_factor(organs, 0.9) < 18.5
+    >>> 18 <= smallest_factor(organs, range(19), 0.9) < 18.5
     True
     """
-    first = first_enough(curves, share)
-    return None if first is None else float(FACTORS[first])
-
-
-def factor_of_organs(curves: FloatArray, names: Sequence[str], share: float) -> float | None:
-    """Return the smallest factor for curves (N, F) of which those of one organ, by its name, count as one."""
     organs = np.array(names)
-    means = [curves[organs == organ].mean(axis=0) for organ in np.unique(organs)]
-    factor = smallest_factor(np.array(means), share)
-    return None if factor is None else round(factor, 4)
+    means = np.array([curves[organs == organ].mean(axis=0) for organ in np.unique(organs)])
+    first = first_enough(means, share)
+    return None if first is None else round(float(FACTORS[first]), 4)
 
 
 def first_enough(curves: FloatArray, share: float) -> int | None:

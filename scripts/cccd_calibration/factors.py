@@ -10,9 +10,8 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from cccd.bands.calibration import REGIMES, SHARES, Calibration, Regime
-from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, SingleArray
-from cccd_calibration.conformal import coverage_curve, factor_of_organs, fewest_organs
+from cccd_calibration.conformal import coverage_curve, smallest_factor, too_few_organs
 
 __all__ = ["Thinned", "calibrate"]
 
@@ -85,24 +84,17 @@ def calibrate(
         volumes = np.array([coverage_curve(np.array([score])) for _, _, score in here])
         pairs: list[tuple[float, float]] = []
         for one in SHARES if here else ():
-            factor, volume = (factor_of_organs(of, names, one) for of in (curves, volumes))
+            factor, volume = (smallest_factor(of, names, one) for of in (curves, volumes))
             if factor is None or volume is None:
                 break
             pairs.append((factor, volume))
         if pairs:
             factors, volume_factors = zip(*pairs, strict=True)
-            length = float(
-                np.median(
-                    [_correlation_length(stack.points, scores, stack.offset) for stack, scores, _ in here]
-                )
-            )
-            regimes.append(
-                Regime(low, high, len(set(names)), len(here), round(length, 2), factors, volume_factors)
-            )
+            lengths = [_correlation_length(stack.points, scores, stack.offset) for stack, scores, _ in here]
+            length = round(float(np.median(lengths)), 2)
+            regimes.append(Regime(low, high, len(set(names)), len(here), length, factors, volume_factors))
     if not any(len(regime.factors) > np.searchsorted(SHARES, share) for regime in regimes):
-        count = len({stack.organ for stack in thinned})
-        problem = f"{count} organs are too few to guarantee {share:.0%}"
-        raise InputError(location, problem, f"give {2 * fewest_organs(share)} organs or more")
+        raise too_few_organs(location, len({stack.organ for stack in thinned}), share)
     means = np.array([known.lengths(stack.signs)[: len(stack.signs) // 2].mean() for stack in thinned])
     numbers = {"area": [stack.area for stack in thinned], "diameter": [stack.diameter for stack in thinned]}
     spans = {name: tuple(_middle(of / means, one) for one in SHARES) for name, of in numbers.items()}

@@ -19,7 +19,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.spline import SplineSolid
-from cccd_calibration.conformal import coverage_curve, factor_of_organs, fewest_organs
+from cccd_calibration.conformal import coverage_curve, smallest_factor, too_few_organs
 from cccd_calibration.thinning import sample_offsets
 from cccd_workflow.sheet import read_rows
 
@@ -46,8 +46,9 @@ class Pair:
 
 
 class PairRow(NamedTuple):
-    """A row of a table of pairs: the organ's name, two masks, and their label."""
+    """A row of a table of pairs: where it is, the organ's name, two masks, and their label."""
 
+    where: str
     name: str
     first: str
     second: str
@@ -70,13 +71,13 @@ def read_pairs(path: Path) -> list[PairRow]:
     """
     found: list[PairRow] = []
     for where, row in read_rows(path, "table of pairs", "name a .tsv file")[2]:
-        first, second = row.get("first"), row.get("second")
+        first, second = row.get("first") or "", row.get("second") or ""
         for name in (first, second):
             if not name or not (path.parent / name).exists():
                 problem = f"there is no mask {name}" if name else "a pair needs two masks"
                 hint = "give columns first and second: two masks of one organ, relative to the table"
                 raise InputError(where, problem, hint)
-        found.append(PairRow(row.get("organ") or str(first), str(first), str(second), row.get("label") or ""))
+        found.append(PairRow(where, row.get("organ") or first, first, second, row.get("label") or ""))
     if not found:
         raise InputError(path.name, "the table has no rows", "give columns first and second")
     return found
@@ -103,13 +104,12 @@ def calibrate_readers(pairs: Sequence[Pair], share: float, location: str) -> Rea
     for number, one in enumerate(SHARES):
         curves = np.array([coverage_curve(pair.beyond[number]) for pair in pairs])
         volumes = np.array([coverage_curve(pair.swept[number : number + 1]) for pair in pairs])
-        width, swept = (factor_of_organs(of, names, one) for of in (curves, volumes))
+        width, swept = (smallest_factor(of, names, one) for of in (curves, volumes))
         if width is None or swept is None:
             break
         found.append((width, swept))
     if len(found) <= np.searchsorted(SHARES, share):
-        problem = f"{len(set(names))} organs are too few to guarantee {share:.0%}"
-        raise InputError(location, problem, f"give {2 * fewest_organs(share)} organs or more")
+        raise too_few_organs(location, len(set(names)), share)
     widths, swept = zip(*found, strict=True)
     return Reader(widths, swept, f"{len(pairs)} pairs of readers, {len(set(names))} organs of {location}")
 

@@ -23,7 +23,7 @@ from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
 from cccd.surface.measure import mask_surface
 from cccd.surface.spline import SplineSolid
-from cccd_calibration.conformal import fewest_organs
+from cccd_calibration.conformal import fewest_organs, too_few_organs
 from cccd_calibration.factors import Thinned, calibrate
 
 __all__ = [
@@ -119,10 +119,8 @@ def calibrate_masks(
     InputError
         There are too few organs for bands of ``surface.band``, or one is no mask of every slice.
     """
-    least = fewest_organs(settings.surface.band)
-    if count < least:
-        problem = f"{count} organs are too few to guarantee {settings.surface.band:.0%}"
-        raise InputError(location, problem, f"give at least {least} different organs")
+    if count < fewest_organs(settings.surface.band):
+        raise too_few_organs(location, count, settings.surface.band)
     rng = np.random.default_rng(settings.seed)
     stacks = [stack for structure in structures for stack in thin(structure, settings, rng)]
     organs = {stack.organ for stack in stacks}

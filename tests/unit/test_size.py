@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[2]
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
     "scripts/cccd": 17878,
-    "scripts/cccd_calibration": 729,
+    "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
     "scripts/cccd_formats": 404,
