@@ -158,8 +158,7 @@ def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, capsys,
 def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
     mask, affine = body((15, 15, 15), (1, 1, 1))
     kept = np.zeros_like(mask)
-    keep = [4, 7, 10, 22, 25, 28]
-    kept[:, :, keep] = mask[:, :, keep]
+    kept[:, :, [4, 7, 10, 22, 25, 28]] = mask[:, :, [4, 7, 10, 22, 25, 28]]
     path = save(tmp_path / "drawn.nii.gz", kept, affine)
     assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
     slices = json.loads(capsys.readouterr().out)["slices"]
