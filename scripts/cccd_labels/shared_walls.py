@@ -500,5 +500,4 @@ def _unfolded(surface: ConformingSurface, where: Callable[[], FloatArray]) -> tu
         folded = np.unique(surface.triangles[beside])
         vertices[folded] = (vertices[folded] + before[folded]) / 2
         pairs = triangles.passing_pairs(vertices)
-        print("PAIRS", len(pairs), len(folded), flush=True)
     return vertices, pairs

@@ -255,19 +255,15 @@ def _bounded(
 
 
 def _balanced(
-    vertices: FloatArray,
-    tetrahedra: IntArray,
-    inside: BoolArray,
-    organs: Mapping[str, Mesh],
-    fixed: BoolArray,
+    vertices: FloatArray, tetrahedra: IntArray, inside: BoolArray, organs: Mapping[str, Mesh], held: BoolArray
 ) -> FloatArray:
-    """Balance the chords of one organ after the other; what is fixed, or was moved, stays."""
-    fixed = fixed.copy()
+    """Balance the chords of one organ after the other; what is held, or was moved, stays."""
+    held = held.copy()
     for n, mesh in enumerate(organs.values()):
         own, _ = _bounding_sides(tetrahedra[inside[:, n]], np.zeros(inside[:, n].sum(), np.int64))
         closed = tetrahedra[inside[:, n]][own[:, 0, None], FACES[own[:, 1]]]
-        vertices = balance_chords(vertices, tetrahedra, closed, mesh, fixed)
-        fixed[closed] = True
+        vertices = balance_chords(vertices, tetrahedra, closed, mesh, held)
+        held[closed] = True
     return vertices
 
 

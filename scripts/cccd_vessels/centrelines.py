@@ -15,16 +15,16 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import splev, splprep
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import dijkstra
+from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.thickness import Lines, wall_thickness
 from cccd_vessels.sections import Section, Slicer
-from cccd_vessels.skeleton import Line, degrees, joined, skeleton_lines, without_spurs
+from cccd_vessels.skeleton import Line, degrees, skeleton_lines, without_shortest, without_spurs
 
 __all__ = ["Branch", "Centrelines", "find_centrelines"]
 
@@ -189,13 +189,9 @@ def find_centrelines(
     slicer, notes = Slicer(mesh), []
     moved: list[_Moved] = []
     for number in range(_ROUNDS + 1):
-        while True:
-            moved = _measured(lines, slicer, step * (_FINE if number else _ROUGH))
-            bumps = _without_sections(moved)
-            if not bumps:
-                break
-            shortest = min(bumps, key=lambda line: line.length)
-            lines = joined([line for line in lines if line is not shortest])
+        tolerance = step * (_FINE if number else _ROUGH)
+        while bumps := _without_sections(moved := _measured(lines, slicer, tolerance)):
+            lines = without_shortest(lines, bumps)
         if number < _ROUNDS:
             lines = _centred(moved, mesh)
     tubes = _tubes(moved, location)
@@ -264,15 +260,12 @@ def _measured(lines: Sequence[Line], slicer: Slicer, tolerance: float) -> list[_
     smooth = [_smoothed(line, tolerance, _is_ring(line, degree)) for line in lines]
     starts = np.cumsum([0, *(len(points) for points, _, _ in smooth)])
     points = np.concatenate([points for points, _, _ in smooth])
-    inscribed = np.maximum(-to_mesh(points, slicer.mesh), 0.0)
+    inscribed, cut = slicer.sections(points, np.concatenate([way for _, way, _ in smooth]), tolerance)
     owner = _owners(slicer.mesh, points, inscribed, np.repeat(np.arange(len(smooth)), np.diff(starts)))
     moved: list[_Moved] = []
     for number, (line, (at, tangents, curvature)) in enumerate(zip(lines, smooth, strict=True)):
         radii = inscribed[starts[number] : starts[number + 1]]
-        sections = [
-            slicer.section(point, tangent, max(radius, tolerance)) if radius > 0 else None
-            for point, tangent, radius in zip(at, tangents, radii, strict=True)
-        ]
+        sections = cut[starts[number] : starts[number + 1]]
         gone = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(at, axis=0), axis=1))])
         to_end = np.full(len(at), np.inf)
         if degree[line.nodes[0]] == 1:
@@ -290,8 +283,7 @@ def _measured(lines: Sequence[Line], slicer: Slicer, tolerance: float) -> list[_
             bool,
         )
         ring = _is_ring(line, degree)
-        if not ring:
-            own[[0, -1]] = False  # at a fork, or on the surface
+        own[[0, -1]] &= ring  # else at a fork, or on the surface
         moved.append(_Moved(line, ring, at, tangents, curvature, radii, sections, own))
     return moved
 
@@ -329,11 +321,8 @@ def _filled(points: FloatArray, spacing: float) -> FloatArray:
     apart = np.linalg.norm(np.diff(points, axis=0), axis=1)
     points = points[np.concatenate([apart > 1e-9, [True]])]
     counts = np.maximum(np.ceil(apart[apart > 1e-9] / spacing).astype(int), 1)
-    first = np.repeat(np.cumsum([0, *counts[:-1]]), counts)
-    at = np.repeat(np.arange(len(counts)), counts) + (np.arange(len(first)) - first) / np.repeat(
-        counts, counts
-    )
-    at = np.append(at, len(counts))
+    share = ranks_of(counts) / np.repeat(counts, counts)
+    at = np.append(np.repeat(np.arange(len(counts)), counts) + share, len(counts))
     return np.column_stack([np.interp(at, np.arange(len(points)), axis) for axis in points.T])
 
 
@@ -426,8 +415,7 @@ def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:
     kept: list[list[_Moved]] = []
     for part in _components(moved):
         radii = np.concatenate([one.radius[one.own] for one in part])
-        longest = _longest([one.line for one in part])
-        if len(radii) and longest > _TUBE * float(radii.mean()):
+        if len(radii) and _longest([one.line for one in part]) > _TUBE * float(radii.mean()):
             kept.append(part)
     if not kept:
         raise InputError(
@@ -439,22 +427,18 @@ def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:
 
 
 def _components(moved: Sequence[_Moved]) -> list[list[_Moved]]:
-    parts: list[tuple[set[int], list[_Moved]]] = []
-    for one in moved:
-        nodes, members = set(one.nodes), [one]
-        for part in [part for part in parts if part[0] & nodes]:
-            nodes, members = nodes | part[0], part[1] + members
-            parts.remove(part)
-        parts.append((nodes, members))
-    return [members for _, members in parts]
+    nodes = np.array([one.nodes for one in moved]).reshape(-1, 2)
+    size = int(nodes.max(initial=0)) + 1
+    links = coo_array((np.ones(len(nodes), bool), nodes.T), shape=(size, size))
+    part = connected_components(links, directed=False)[1][nodes[:, 0]]
+    return [[one for one, own in zip(moved, part == n, strict=True) if own] for n in np.unique(part)]
 
 
 def _longest(lines: Sequence[Line]) -> float:
     """Length of the longest of the shortest ways between nodes, or of a ring."""
-    nodes = sorted({node for line in lines for node in line.nodes})
-    at = [[nodes.index(node) for node in line.nodes] for line in lines]
-    lengths = [line.length for line in lines]
-    graph = coo_array((lengths, np.array(at).T), shape=(len(nodes), len(nodes))).tocsr()
+    nodes, at = np.unique([line.nodes for line in lines], return_inverse=True)
+    at, lengths = at.reshape(-1, 2), [line.length for line in lines]
+    graph = coo_array((lengths, at.T), shape=(len(nodes), len(nodes))).tocsr()
     ways = dijkstra(graph, directed=False)
     rings = [length for length, (a, b) in zip(lengths, at, strict=True) if a == b]
     return float(max([ways[np.isfinite(ways)].max(), *rings]))

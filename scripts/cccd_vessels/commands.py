@@ -116,8 +116,8 @@ def _tube(given: argparse.Namespace) -> tuple[Mesh, float | None]:
 
 
 def _warn(notes: Sequence[str]) -> None:
-    for note in notes:
-        tqdm.write(f"warning: {note}", file=sys.stderr)  # beside a line that says what goes on
+    for note in notes:  # beside a line that says what goes on
+        tqdm.write(f"warning: {note}", file=sys.stderr)
 
 
 def _root_of(given: argparse.Namespace) -> list[float] | None:

@@ -185,7 +185,8 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
 def _cut_off(mesh: Mesh, end: End, required: bool, location: str) -> tuple[Mesh, IntArray]:
     """Cut off what lies beyond an end's plane; the rest, and the vertices along its rim."""
     # The rest keeps the numbers of its vertices, so that earlier rims stay as they are.
-    section = Slicer(mesh).section(end.point, end.outward, end.radius)
+    radii = np.array([end.radius])  # an open mesh has no inside
+    _, (section,) = Slicer(mesh).sections(end.point[None], end.outward[None], radii=radii)
     if section is None:
         if required:
             raise _bent(end, location)
@@ -331,15 +332,10 @@ def _lattice(polygon: shapely.Polygon, edge: float) -> FloatArray:
 
 def _keeps_rims(triangles: IntArray, sizes: Sequence[int]) -> bool:
     """Whether the border of a triangulation is its rims, whose points come first, ring by ring."""
-    edges = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
     unique, uses = np.unique(edges, axis=0, return_counts=True)
-    border = {tuple(edge) for edge in unique[uses == 1].tolist()}
-    wanted: set[tuple[int, int]] = set()
-    start = 0
-    for size in sizes:
-        ring = start + np.arange(size)
-        wanted |= {
-            (min(pair), max(pair)) for pair in zip(ring.tolist(), np.roll(ring, -1).tolist(), strict=True)
-        }
-        start += size
-    return border == wanted and bool(np.all(uses <= 2))
+    first = np.cumsum([0, *sizes[:-1]])
+    ahead = [start + np.roll(np.arange(n), -1) for start, n in zip(first, sizes, strict=True)]
+    following = np.concatenate(ahead)
+    rims = np.sort(np.column_stack([np.arange(len(following)), following]), axis=1)
+    return np.array_equal(unique[uses == 1], np.unique(rims, axis=0)) and bool(np.all(uses <= 2))

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
+import pyvista
 
 from cccd.errors import InputError
-from cccd.geometry._vtk import vtk, xml_of
-from cccd.geometry.arrays import AnyArray
+from cccd.geometry._vtk import xml_of
 from cccd.store import atomic_path
 from cccd_vessels.centrelines import Branch, Centrelines
 
@@ -95,11 +94,7 @@ def write_centrelines(path: Path, found: Centrelines) -> None:
 
 def _csv(found: Centrelines) -> str:
     rows = [describe(branch) for branch in found.branches]
-    text = io.StringIO()
-    writer = csv.DictWriter(text, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows(rows)
-    return text.getvalue()
+    return str(pd.DataFrame(rows, dtype=object).to_csv(index=False, lineterminator="\n"))
 
 
 def _swc(found: Centrelines) -> str:
@@ -120,47 +115,23 @@ def _swc(found: Centrelines) -> str:
 
 def _vtp(found: Centrelines) -> str:
     """Write one line per branch, with what is known at its points, and of the branch as cell data."""
-    support, data, core = vtk("util.numpy_support"), vtk("vtkCommonDataModel"), vtk("vtkCommonCore")
-    branches = found.branches
-    points, cells = core.vtkPoints(), data.vtkCellArray()
-    points.SetData(support.numpy_to_vtk(np.concatenate([b.points for b in branches]), deep=1))
-    starts = np.cumsum([0, *(len(b.points) for b in branches)])
-    ids = np.arange(starts[-1])
-    cells.SetData(
-        support.numpy_to_vtkIdTypeArray(starts, deep=1), support.numpy_to_vtkIdTypeArray(ids, deep=1)
-    )
-    mesh = data.vtkPolyData()
-    mesh.SetPoints(points)
-    mesh.SetLines(cells)
-    names = ("radius", "inscribed", "least_diameter", "largest_diameter", "curvature")
-    at_points = {name: np.concatenate([getattr(b, name) for b in branches]) for name in names}
-    at_points["measured"] = np.concatenate([b.measured for b in branches]).astype(np.uint8)
-    of_cells = {
-        "branch": np.array([b.number for b in branches]),
-        "parent": np.array([b.parent for b in branches]),
-        "generation": np.array([b.generation for b in branches]),
-        "length": np.array([b.length for b in branches]),
-        "angle": np.array([b.angle_deg for b in branches]),
-    }
-    return vtp_text(mesh, at_points, of_cells, {"SpaceUnit": ["mm"], "Space": ["RAS"]})
+    branches, counts = found.branches, [len(branch.points) for branch in found.branches]
+    starts = np.cumsum([0, *counts[:-1]])
+    lines = np.insert(np.arange(sum(counts)), starts, counts)
+    mesh = pyvista.PolyData(np.concatenate([b.points for b in branches]), lines=lines)
+    for name in ("radius", "inscribed", "least_diameter", "largest_diameter", "curvature"):
+        mesh.point_data[name] = np.concatenate([getattr(b, name) for b in branches])
+    mesh.point_data["measured"] = np.concatenate([b.measured for b in branches]).astype(np.uint8)
+    for name in ("number", "parent", "generation", "length", "angle_deg"):
+        column = {"number": "branch", "angle_deg": "angle"}.get(name, name)
+        mesh.cell_data[column] = np.array([getattr(b, name) for b in branches])
+    return vtp_text(mesh)
 
 
-def vtp_text(
-    mesh: Any, points: Mapping[str, AnyArray], cells: Mapping[str, AnyArray], fields: Mapping[str, list[str]]
-) -> str:
-    """Return VTK's XML of a ``vtkPolyData`` with arrays at its points and cells, and texts as field data."""
-    support = vtk("util.numpy_support")
-    for place, arrays in ((mesh.GetPointData(), points), (mesh.GetCellData(), cells)):
-        for name, values in arrays.items():
-            array = support.numpy_to_vtk(np.ascontiguousarray(values), deep=1)
-            array.SetName(name)
-            place.AddArray(array)
-    for name, texts in fields.items():
-        array = vtk("vtkCommonCore").vtkStringArray()
-        array.SetName(name)
-        for text in texts:
-            array.InsertNextValue(text)
-        mesh.GetFieldData().AddArray(array)
+def vtp_text(mesh: pyvista.PolyData, **fields: list[str]) -> str:
+    """Return VTK's XML of a mesh in mm RAS, with texts as field data."""
+    for name, texts in {**fields, "SpaceUnit": ["mm"], "Space": ["RAS"]}.items():
+        mesh.field_data[name] = np.array(texts)
     return xml_of(mesh)
 
 

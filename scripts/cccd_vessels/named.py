@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
+import pyvista
 
 from cccd.errors import InputError
 from cccd.extras import check_extra
@@ -97,8 +98,9 @@ def _filled(named: NamedMesh, organ: str) -> TetrahedralMesh:
 
 
 def _vtp(named: NamedMesh) -> str:
-    fields = {"group_names": list(named.names), "SpaceUnit": ["mm"], "Space": ["RAS"]}
-    return vtp_text(named.mesh.to_vtk(), {}, {"group": named.groups.astype(np.int32) + 1}, fields)
+    mesh = pyvista.PolyData(named.mesh.to_vtk())
+    mesh.cell_data["group"] = named.groups.astype(np.int32) + 1
+    return vtp_text(mesh, group_names=list(named.names))
 
 
 def _stl(named: NamedMesh) -> str:
@@ -123,12 +125,8 @@ def _obj(named: NamedMesh) -> str:
     rows += ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in named.mesh.vertices]
     for number, name in enumerate(named.names):
         rows.append(f"g {name}")
-        rows += _faces(named.mesh.faces[named.groups == number] + 1)
+        rows += ["f {} {} {}".format(*face) for face in named.mesh.faces[named.groups == number] + 1]
     return "\n".join(rows) + "\n"
-
-
-def _faces(faces: IntArray) -> Sequence[str]:
-    return ["f {} {} {}".format(*face) for face in faces.tolist()]
 
 
 _WRITERS: dict[str, Callable[[NamedMesh], str]] = {"vtp": _vtp, "stl": _stl, "obj": _obj}

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray, ranks_of
+from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["Section", "Slicer", "across"]
@@ -17,8 +18,11 @@ __all__ = ["Section", "Slicer", "across"]
 #: Directions in which the width of a section is measured: a width is within 0.1 % of the extreme one.
 _DIRECTIONS = 36
 
-#: Sections are looked for within 2 radii of the point, then 4, and 8 at last: beyond that it is no tube's.
-_REACHES = (2.0, 4.0, 8.0)
+#: Sections are looked for within so many radii of the point: beyond that it is no tube's.
+_REACH = 8.0
+
+#: Planes that are cut at once: what they may meet takes some ten megabytes.
+_AT_ONCE = 128
 
 
 @dataclass(frozen=True)
@@ -71,65 +75,101 @@ class Slicer:
     --------
     >>> import trimesh
     >>> tube = trimesh.creation.cylinder(3.0, 40.0, sections=96)
-    >>> section = Slicer(Mesh(tube.vertices, tube.faces)).section(np.zeros(3), np.array((0.0, 0, 1)), 3.0)
-    >>> round(section.radius, 2), round(section.largest_diameter, 2)
-    (3.0, 6.0)
+    >>> slicer = Slicer(Mesh(tube.vertices, tube.faces))
+    >>> inscribed, (section,) = slicer.sections(np.zeros((1, 3)), np.array([(0.0, 0, 1)]))
+    >>> inscribed.round(2).tolist(), round(section.radius, 2), round(section.largest_diameter, 2)
+    ([3.0], 3.0, 6.0)
     """
 
     def __init__(self, mesh: Mesh) -> None:
         self.mesh = mesh
+        self._known: dict[bytes, tuple[float, Section | None]] = {}
         corners = mesh.vertices[mesh.faces]
-        self._middles = corners.mean(axis=1)
-        self._tree = cKDTree(self._middles)
-        self._margin = float(np.linalg.norm(corners - self._middles[:, None], axis=2).max())
+        middles = corners.mean(axis=1)
+        margin = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
+        # triangles lie in cells of twice their size, so that few of them are looked at
+        cells, cell = np.unique(np.floor(middles / (2 * margin)), axis=0, return_inverse=True)
+        self._in_cells = np.argsort(cell.reshape(-1), kind="stable")
+        self._starts = np.searchsorted(cell.reshape(-1)[self._in_cells], np.arange(len(cells) + 1))
+        self._cells, self._beyond = (2 * cells + 1) * margin, (1 + 3**0.5) * margin
 
-    def section(self, point: FloatArray, normal: FloatArray, radius: float) -> Section | None:
-        """Cut around a point (3,); None where no closed loop goes around it, or only a large one.
+    def sections(
+        self, points: FloatArray, normals: FloatArray, least: float = 0.0, radii: FloatArray | None = None
+    ) -> tuple[FloatArray, list[Section | None]]:
+        """Cut around points by planes; what was asked before is remembered.
 
         Parameters
         ----------
-        point, normal : (3,) float64
-            Of the plane.
-        radius : float
-            Of the largest sphere around the point inside the mesh, in mm.
-        """
-        for reach in _REACHES:
-            near = np.array(self._tree.query_ball_point(point, reach * radius + self._margin), np.int64)
-            level = np.abs((self._middles[near] - point) @ normal) <= self._margin
-            found = self._loop(np.sort(near[level]), point, normal)
-            if found is not None:
-                return found
-        return None
+        points, normals : (P, 3) float64
+        least : float
+            Sections are looked for as if the spheres had at least this radius, in mm.
+        radii : (P,) float64, optional
+            Of the spheres, where the mesh does not tell inside from outside.
 
-    def _loop(self, faces: IntArray, point: FloatArray, normal: FloatArray) -> Section | None:
+        Returns
+        -------
+        radii : (P,) float64
+            Of the largest spheres around the points inside the mesh; 0 outside.
+        sections : list of Section or None
+            None outside, where no closed loop goes around a point, or only a large one.
+        """
+        keys = [plane.tobytes() for plane in np.hstack([points, normals])]
+        new = np.array([n for n, key in enumerate(keys) if key not in self._known], np.int64)
+        if radii is None:
+            radii = np.maximum(-to_mesh(points, self.mesh), 0.0) if len(new) else np.zeros(len(points))
+        radii = radii[new]
+        self._known |= {keys[n]: (radius, None) for n, radius in zip(new, radii.tolist(), strict=True)}
+        new, radii = new[radii > 0], radii[radii > 0]
+        for start in range(0, len(new), _AT_ONCE):
+            here = new[start : start + _AT_ONCE]
+            reaches = _REACH * np.maximum(radii[start : start + _AT_ONCE], least)
+            for number, section in self._cut(points[here], normals[here], reaches):
+                self._known[keys[here[number]]] = float(radii[start + number]), section
+        of_points, sections = zip(*(self._known[key] for key in keys), strict=True)
+        return np.array(of_points), list(sections)
+
+    def _near(self, point: FloatArray, normal: FloatArray, reach: float) -> IntArray:
+        """Find the triangles of the cells that a plane may meet around its point."""
+        away = self._cells - point
+        close = np.abs(away @ normal) <= self._beyond
+        close &= np.einsum("nc,nc->n", away, away) <= (reach + self._beyond) ** 2
+        starts, counts = self._starts[:-1][close], np.diff(self._starts)[close]
+        return self._in_cells[np.repeat(starts, counts) + ranks_of(counts)]
+
+    def _cut(
+        self, points: FloatArray, normals: FloatArray, reaches: FloatArray
+    ) -> Iterator[tuple[int, Section]]:
+        """Give the sections that planes have, each with its number."""
+        near = [self._near(*plane) for plane in zip(points, normals, reaches, strict=True)]
+        plane, faces = np.repeat(np.arange(len(near)), [len(own) for own in near]), np.concatenate(near)
         triangles = self.mesh.faces[faces]
-        height = (self.mesh.vertices[triangles] - point) @ normal
+        height = np.einsum("fkc,fc->fk", self.mesh.vertices[triangles] - points[plane, None], normals[plane])
         above = height >= 0
         cut = above.any(axis=1) & ~above.all(axis=1)
         if not cut.any():
-            return None
-        faces, triangles, height, above = faces[cut], triangles[cut], height[cut], above[cut]
+            return
+        plane, faces, triangles, height, above = (x[cut] for x in (plane, faces, triangles, height, above))
         rows, ahead = np.arange(len(faces)), np.roll(above, -1, axis=1)
-        ends: list[FloatArray] = []
-        edges: list[IntArray] = []
-        basis = across(normal)
+        bases = np.array([across(normal) for normal in normals])
+        ends, edges, size = [], [], len(self.mesh.vertices)
         for corner in ((~above & ahead).argmax(axis=1), (above & ~ahead).argmax(axis=1)):
             following = (corner + 1) % 3
             first, second = triangles[rows, corner], triangles[rows, following]
-            edges.append(np.sort(np.column_stack([first, second]), axis=1))
+            edges.append((plane * size + np.minimum(first, second)) * size + np.maximum(first, second))
             low, high = height[rows, corner], height[rows, following]
             share = (low / (low - high))[:, None]
             met = self.mesh.vertices[first] * (1 - share) + self.mesh.vertices[second] * share
-            ends.append((met - point) @ basis.T)
-        loop = _surrounding(ends[0], ends[1], edges[0], edges[1])
-        if loop is None:
-            return None
-        return _measured(ends[0][loop], ends[1][loop], faces[loop], point, basis)
+            ends.append(np.einsum("fc,fkc->fk", met - points[plane], bases[plane]))
+        for loop in _surrounding(ends[0], ends[1], edges[0], edges[1], plane):
+            n = int(plane[loop[0]])
+            yield n, _measured(ends[0][loop], ends[1][loop], faces[loop], points[n], bases[n])
 
 
-def _surrounding(starts: FloatArray, ends: FloatArray, entered: IntArray, left: IntArray) -> IntArray | None:
-    """Segments of the smallest closed loop that goes around the origin of the plane."""
-    _, ids = np.unique(np.concatenate([entered, left]), axis=0, return_inverse=True)
+def _surrounding(
+    starts: FloatArray, ends: FloatArray, entered: IntArray, left: IntArray, plane: IntArray
+) -> list[IntArray]:
+    """Segments of the smallest closed loop that goes around the origin of each plane that has one."""
+    _, ids = np.unique(np.concatenate([entered, left]), return_inverse=True)
     risen, sunk = ids.reshape(2, -1)
     count = int(ids.max()) + 1
     links = coo_array((np.ones(len(risen), bool), (risen, sunk)), shape=(count, count))
@@ -142,9 +182,13 @@ def _surrounding(starts: FloatArray, ends: FloatArray, entered: IntArray, left: 
     winding = np.abs(np.bincount(of_segment, turn, loops)) / (2 * np.pi)
     area = np.abs(np.bincount(of_segment, cross, loops))
     around = np.flatnonzero(~is_open & (winding > 0.5))
-    if not len(around):
-        return None
-    return np.flatnonzero(of_segment == around[area[around].argmin()])
+    of_plane = np.empty(loops, np.int64)
+    of_plane[of_segment] = plane
+    around = around[np.argsort(area[around], kind="stable")]
+    smallest = around[np.unique(of_plane[around], return_index=True)[1]]
+    order = np.argsort(of_segment, kind="stable")
+    first, last = (np.searchsorted(of_segment[order], smallest, side) for side in ("left", "right"))
+    return [order[a:b] for a, b in zip(first, last, strict=True)]
 
 
 def _measured(

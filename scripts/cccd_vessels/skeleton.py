@@ -18,7 +18,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 
-__all__ = ["Line", "degrees", "joined", "skeleton_lines", "without_spurs"]
+__all__ = ["Line", "degrees", "skeleton_lines", "without_shortest", "without_spurs"]
 
 #: Voxels of the grid that is thinned at most: thinning takes about a second for each 2 million.
 _MOST_VOXELS = 40e6
@@ -159,14 +159,16 @@ def _chains(neighbours: dict[int, list[int]], stop: np.ndarray) -> list[list[int
 
 def without_spurs(lines: list[Line]) -> list[Line]:
     """Leave out branches that are bumps of the wall, the shortest first, and join what they parted."""
-    lines = joined(_contracted(lines))
-    while True:
-        degree = degrees(lines)
-        spurs = [line for line in lines if _is_spur(line, degree)]
-        if not spurs:
-            return lines
-        shortest = min(spurs, key=lambda line: line.length)
-        lines = joined([line for line in lines if line is not shortest])
+    lines = _joined(_contracted(lines))
+    while spurs := _spurs(lines):
+        lines = without_shortest(lines, spurs)
+    return lines
+
+
+def without_shortest(lines: Sequence[Line], some: Sequence[Line]) -> list[Line]:
+    """Leave out the shortest of some of the lines, and join what it parted."""
+    shortest = min(some, key=lambda line: line.length)
+    return _joined([line for line in lines if line is not shortest])
 
 
 def degrees(lines: Sequence[Line]) -> dict[int, int]:
@@ -176,6 +178,11 @@ def degrees(lines: Sequence[Line]) -> dict[int, int]:
         for node in line.nodes:
             found[node] += 1
     return found
+
+
+def _spurs(lines: Sequence[Line]) -> list[Line]:
+    degree = degrees(lines)
+    return [line for line in lines if _is_spur(line, degree)]
 
 
 def _is_spur(line: Line, degree: dict[int, int]) -> bool:
@@ -218,7 +225,7 @@ def _contracted(lines: list[Line]) -> list[Line]:
         lines = moved
 
 
-def joined(lines: list[Line]) -> list[Line]:
+def _joined(lines: list[Line]) -> list[Line]:
     """Make one line of two that meet at a node of nothing else."""
     while True:
         at: dict[int, list[Line]] = defaultdict(list)

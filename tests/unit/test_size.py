@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17878,
+    "scripts/cccd": 17865,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1691,
     "scripts/cccd_formats": 404,
     "scripts/cccd_junctions": 3967,
-    "scripts/cccd_labels": 2709,
+    "scripts/cccd_labels": 2708,
     "scripts/cccd_meshes": 462,
     "scripts/cccd_networks": 306,
     "scripts/cccd_paper": 9540,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 781,
     "scripts/cccd_workflow": 5889,
     "bench": 4709,
-    "tests": 24814,
+    "tests": 24806,
 }
 
 

@@ -74,10 +74,6 @@ _BUDGET_REMOVAL_SHARE = 0.35
 _CLOSE_MULTIPLE = 1.3
 _LAST_ROUNDS = 6
 
-# Up to so many knots, it is tried to do with one less from richer fits: of few, one more or less is a large
-# share.
-_FEW = 16
-
 # Reweighting by the distance (Lawson), to bring the largest down: rounds, of which the first bring nearly
 # all; tried where the largest is at most so many tolerances, as it brings none further down; and the least
 # and largest weight, as no point may rule alone.
@@ -307,7 +303,6 @@ def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float)
 def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
     fit, kept = _enriched(task, fit, kept, tolerance)
-    rich, rich_kept = fit, kept
     for rounds, share in ((0, _REMOVAL_SHARE), (_CLOSE_ROUNDS, _CLOSE_REMOVAL_SHARE)):
         most = len(fit.breaks)
         while len(fit.breaks) > FEWEST:
@@ -321,16 +316,8 @@ def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
                     break
                 most = max(1, most // 3)
                 continue
-            if len(fit.breaks) > 1.5 * _FEW:
-                rich, rich_kept = fit, kept
             fit, kept = trial, kept[~gone]
-    fit = _one_by_one(task, fit, kept, tolerance)
-    while FEWEST < len(fit.breaks) <= _FEW:  # of few knots each counts: try again from more
-        trial = _levelled(task, _with(task, rich, rich_kept, len(fit.breaks) - 1), tolerance)
-        if len(trial.breaks) >= len(fit.breaks) or not trial.distance.max() <= tolerance:
-            break
-        fit = trial
-    return fit
+    return _one_by_one(task, fit, kept, tolerance)
 
 
 def _enriched(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple[_Fit, np.ndarray]:

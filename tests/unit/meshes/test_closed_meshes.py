@@ -14,7 +14,9 @@ from cccd.errors import InputError
 from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
-from cccd_meshes.closed_meshes import mend
+from cccd.settings.surface import TetrahedraSettings
+from cccd_meshes.closed_meshes import mend, read_closed_mesh
+from cccd_tetrahedra.filling import fill_organs
 
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)
@@ -93,9 +95,9 @@ def test_a_mesh_becomes_a_step_solid_and_comes_back(here, capsys):
 
 def test_a_mesh_is_filled_with_tetrahedra(here):
     pytest.importorskip("pytetwild")
-    pyvista = pytest.importorskip("pyvista")
-    assert main(["surface", "egg.stl", "-o", "egg.vtu"]) == 0
-    assert pyvista.read("egg.vtu").volume == pytest.approx(egg().volume, rel=0.01)
+    mesh = read_closed_mesh(here / "egg.stl").mesh
+    filled = fill_organs({"egg": mesh}, TetrahedraSettings(edge_mm=10, tolerance_mm=0.5))
+    assert filled.volumes.sum() == pytest.approx(egg().volume, rel=0.01)
 
 
 def test_what_is_mended_is_said():

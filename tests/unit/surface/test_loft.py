@@ -1,8 +1,5 @@
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
 from support.shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
@@ -280,24 +277,3 @@ def test_measures_of_a_ball(whole_ball):
     assert figures["self_intersections"] == 0
     # both principal curvatures of a ball are 1 / R; what is left of the pixels adds up to .3
     assert 2 / 20 < figures["curvature_per_area_mm"] < 1.3 * 2 / 20
-
-
-@settings(max_examples=15, deadline=None)
-@given(
-    hnp.arrays(
-        float,
-        st.tuples(st.integers(1, 5), st.just(4)),
-        elements=st.floats(0, 1, width=32),
-    ),
-    st.sampled_from([(1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (0.7, 0.9, 1.5)]),
-)
-def test_unions_of_balls_are_always_sound(balls, spacing):
-    shape = (36, 36, 18)
-    mask = np.zeros(shape, bool)
-    for x, y, z, size in balls:
-        centre = (4 + 28 * x, 4 + 28 * y, 18 * z)
-        mask |= ball(shape, centre, 2 + 6 * size)
-    mask[[0, -1]] = mask[:, [0, -1]] = False
-    curves = curves_of(mask, spacing)
-    if len(curves):
-        assert_sound(loft_surface(Sections(curves), SETTINGS))
