@@ -282,7 +282,7 @@ class LabelMap:
     def of(cls, volume: Volume) -> LabelMap:
         """Check that a volume holds labels or probabilities, and any at all."""
         data, probable = _whole_numbers(volume.data, volume.location)
-        present = [int(value) for value in np.unique(data) if value > 0]
+        present = [int(value) for value in np.unique(data.T) if value > 0]
         if not present:
             least = int(data.min())
             below = f" but for negative values (down to {least}), and labels are above 0" if least < 0 else ""
@@ -429,9 +429,9 @@ def _whole_numbers(data: AnyArray, location: str) -> tuple[AnyArray, bool]:
         raise InputError(
             location, "the mask contains voxels that are not finite", "replace NaN and infinity by 0"
         )
-    whole = np.rint(data)
-    if np.abs(data - whole).max(initial=0) <= LABEL_VALUE:
-        whole = whole.astype(np.int32)
+    # slab by slab as NIfTI lies in memory: copies of a whole volume take longer than reading it
+    if max((np.abs(slab - np.rint(slab)).max(initial=0) for slab in data.T), default=0) <= LABEL_VALUE:
+        whole = np.rint(data, out=np.empty_like(data, np.int32), casting="unsafe")
         refuse_grey_values(whole, location)
         return whole, False
     if data.min() < -PROBABILITY or data.max() > 1 + PROBABILITY:
