@@ -202,10 +202,8 @@ def find_centrelines(
     moved = [one for tube in tubes for one in tube]
     found = Centrelines(_oriented(moved, root))
     if found.loops:
-        plural = "s" * (found.loops > 1)
-        notes.append(
-            f"the centrelines close {found.loops} loop{plural}: a tree has none. Check the mask there"
-        )
+        loops = f"{found.loops} loop{'s' * (found.loops > 1)}"
+        notes.append(f"the centrelines close {loops}: a tree has none. Check the mask there")
     return Centrelines(found.branches, tuple(notes))
 
 

@@ -85,8 +85,8 @@ class Slicer:
         self.mesh = mesh
         self._known: dict[bytes, tuple[float, Section | None]] = {}
         corners = mesh.vertices[mesh.faces]
-        middles = corners.mean(axis=1)
-        margin = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
+        self._middles = middles = corners.mean(axis=1)
+        self._margin = margin = float(np.linalg.norm(corners - middles[:, None], axis=2).max())
         # triangles lie in cells of twice their size, so that few of them are looked at
         cells, cell = np.unique(np.floor(middles / (2 * margin)), axis=0, return_inverse=True)
         self._in_cells = np.argsort(cell.reshape(-1), kind="stable")
@@ -129,12 +129,13 @@ class Slicer:
         return np.array(of_points), list(sections)
 
     def _near(self, point: FloatArray, normal: FloatArray, reach: float) -> IntArray:
-        """Find the triangles of the cells that a plane may meet around its point."""
+        """Find the triangles that a plane may meet around its point."""
         away = self._cells - point
-        close = np.abs(away @ normal) <= self._beyond
-        close &= np.einsum("nc,nc->n", away, away) <= (reach + self._beyond) ** 2
+        distance = np.linalg.norm(away, axis=1)
+        close = (np.abs(away @ normal) <= self._beyond) & (distance <= reach + self._beyond)
         starts, counts = self._starts[:-1][close], np.diff(self._starts)[close]
-        return self._in_cells[np.repeat(starts, counts) + ranks_of(counts)]
+        faces = self._in_cells[np.repeat(starts, counts) + ranks_of(counts)]
+        return faces[np.abs((self._middles[faces] - point) @ normal) <= self._margin]
 
     def _cut(
         self, points: FloatArray, normals: FloatArray, reaches: FloatArray
