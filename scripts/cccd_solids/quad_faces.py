@@ -15,9 +15,9 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.subdivision import ControlMesh
-from cccd.tolerances import ROUNDING, TINY
+from cccd.tolerances import ROUNDING
 from cccd_solids.limit_patches import HalfEdges
 
 __all__ = ["QuadFaces", "flattened"]
@@ -182,7 +182,7 @@ class _Regions:
 
     @property
     def normals(self) -> FloatArray:
-        return self.area / np.maximum(np.linalg.norm(self.area, axis=1, keepdims=True), TINY)
+        return unit_vectors(self.area)
 
     @classmethod
     def of(cls, mesh: ControlMesh, links: HalfEdges) -> _Regions:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
@@ -54,8 +54,7 @@ def balance_chords(
     def gathered(values: FloatArray) -> FloatArray:
         return np.bincount(triangles.ravel(), np.repeat(values, 3), len(vertices)).astype(float)
 
-    along = np.stack([gathered(column) for column in normals.T], axis=1)
-    along /= np.maximum(np.linalg.norm(along, axis=1, keepdims=True), TINY)
+    along = unit_vectors(np.stack([gathered(column) for column in normals.T], axis=1))
     step = -gathered(outside * area) / np.maximum(gathered(area), TINY)
     step[fixed] = 0.0
     moved = vertices + step[:, None] * along

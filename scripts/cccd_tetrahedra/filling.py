@@ -15,7 +15,7 @@ import numpy as np
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import TetrahedraSettings
@@ -343,7 +343,7 @@ def _at_ends_of(frame: Frame, points: FloatArray) -> BoolArray:
 def _cut_at(frame: Frame, faces: Mesh) -> BoolArray:
     """Whether triangles (T,) lie on a side of the scan's box, and face its way."""
     axes = np.linalg.inv(frame.of_file.affine)[:3, :3]
-    along = faces.unit_normals @ (axes / np.linalg.norm(axes, axis=1, keepdims=True)).T
+    along = faces.unit_normals @ unit_vectors(axes).T
     facing = np.stack([-along, along], axis=2) > ALONG
     near = _at_ends_of(frame, faces.vertices)[faces.faces].all(axis=1)
     return np.any(near & facing, axis=(1, 2))

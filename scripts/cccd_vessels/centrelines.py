@@ -15,11 +15,11 @@ from typing import Any
 import numpy as np
 from scipy.interpolate import splev, splprep
 from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, ranks_of
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.thickness import Lines, wall_thickness
@@ -258,7 +258,7 @@ def _measured(lines: Sequence[Line], slicer: Slicer, tolerance: float) -> list[_
     smooth = [_smoothed(line, tolerance, _is_ring(line, degree)) for line in lines]
     starts = np.cumsum([0, *(len(points) for points, _, _ in smooth)])
     points = np.concatenate([points for points, _, _ in smooth])
-    inscribed, cut = slicer.sections(points, np.concatenate([way for _, way, _ in smooth]), tolerance)
+    inscribed, cut = slicer.around(points, np.concatenate([way for _, way, _ in smooth]), tolerance)
     owner = _owners(slicer.mesh, points, inscribed, np.repeat(np.arange(len(smooth)), np.diff(starts)))
     moved: list[_Moved] = []
     for number, (line, (at, tangents, curvature)) in enumerate(zip(lines, smooth, strict=True)):
@@ -426,9 +426,7 @@ def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:
 
 def _components(moved: Sequence[_Moved]) -> list[list[_Moved]]:
     nodes = np.array([one.nodes for one in moved]).reshape(-1, 2)
-    size = int(nodes.max(initial=0)) + 1
-    links = coo_array((np.ones(len(nodes), bool), nodes.T), shape=(size, size))
-    part = connected_components(links, directed=False)[1][nodes[:, 0]]
+    part = connected_parts(nodes[:, 0], nodes[:, 1], int(nodes.max(initial=0)) + 1)[nodes[:, 0]]
     return [[one for one, own in zip(moved, part == n, strict=True) if own] for n in np.unique(part)]
 
 

@@ -8,12 +8,10 @@ from dataclasses import dataclass
 import manifold3d
 import numpy as np
 import shapely
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import Delaunay
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd_vessels.centrelines import Centrelines
@@ -185,8 +183,8 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
 def _cut_off(mesh: Mesh, end: End, required: bool, location: str) -> tuple[Mesh, IntArray]:
     """Cut off what lies beyond an end's plane; the rest, and the vertices along its rim."""
     # The rest keeps the numbers of its vertices, so that earlier rims stay as they are.
-    radii = np.array([end.radius])  # an open mesh has no inside
-    _, (section,) = Slicer(mesh).sections(end.point[None], end.outward[None], radii=radii)
+    radii = np.array([end.radius])
+    (section,) = Slicer(mesh).sections(end.point[None], end.outward[None], radii)
     if section is None:
         if required:
             raise _bent(end, location)
@@ -230,11 +228,7 @@ def _beyond(faces: IntArray, height: FloatArray, cut: IntArray) -> BoolArray:
     above = height > 0
     following = np.roll(triangles, -1, axis=1)
     both = above[triangles] & above[following]
-    links = coo_array(
-        (np.ones(np.count_nonzero(both), bool), (triangles[both], following[both])),
-        shape=(len(height), len(height)),
-    )
-    _, part = connected_components(links, directed=False)
+    part = connected_parts(triangles[both], following[both], len(height))
     of_face = np.where(above[triangles], part[triangles], -1).max(axis=1)
     wanted = np.unique(of_face[np.isin(candidates, cut)])
     marked = np.zeros(len(faces), bool)

@@ -5,16 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pandas as pd
-import pyvista
 
 from cccd.errors import InputError
 from cccd.geometry._vtk import xml_of
 from cccd.store import atomic_path
 from cccd_vessels.centrelines import Branch, Centrelines
+
+if TYPE_CHECKING:
+    import pyvista
 
 __all__ = ["SUFFIXES", "check_suffix", "describe", "vtp_text", "write_centrelines"]
 
@@ -93,6 +94,8 @@ def write_centrelines(path: Path, found: Centrelines) -> None:
 
 
 def _csv(found: Centrelines) -> str:
+    import pandas as pd  # it and VTK take a second to load
+
     rows = [describe(branch) for branch in found.branches]
     return str(pd.DataFrame(rows, dtype=object).to_csv(index=False, lineterminator="\n"))
 
@@ -115,6 +118,8 @@ def _swc(found: Centrelines) -> str:
 
 def _vtp(found: Centrelines) -> str:
     """Write one line per branch, with what is known at its points, and of the branch as cell data."""
+    import pyvista
+
     branches, counts = found.branches, [len(branch.points) for branch in found.branches]
     starts = np.cumsum([0, *counts[:-1]])
     lines = np.insert(np.arange(sum(counts)), starts, counts)

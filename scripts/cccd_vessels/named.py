@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import pyvista
 
 from cccd.errors import InputError
 from cccd.extras import check_extra
@@ -98,7 +97,7 @@ def _filled(named: NamedMesh, organ: str) -> TetrahedralMesh:
 
 
 def _vtp(named: NamedMesh) -> str:
-    mesh = pyvista.PolyData(named.mesh.to_vtk())
+    mesh = named.mesh.to_polydata()
     mesh.cell_data["group"] = named.groups.astype(np.int32) + 1
     return vtp_text(mesh, group_names=list(named.names))
 
@@ -125,7 +124,8 @@ def _obj(named: NamedMesh) -> str:
     rows += ["v {:.9g} {:.9g} {:.9g}".format(*vertex) for vertex in named.mesh.vertices]
     for number, name in enumerate(named.names):
         rows.append(f"g {name}")
-        rows += ["f {} {} {}".format(*face) for face in named.mesh.faces[named.groups == number] + 1]
+        faces = named.mesh.faces[named.groups == number] + 1
+        rows += ["f {} {} {}".format(*face) for face in faces.tolist()]
     return "\n".join(rows) + "\n"
 
 

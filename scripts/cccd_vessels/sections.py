@@ -6,10 +6,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from cccd.geometry.arrays import FloatArray, IntArray, ranks_of
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts, offsets_of, ranks_of, unit_vectors
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
@@ -61,7 +59,7 @@ def across(normal: FloatArray) -> FloatArray:
     >>> across(np.array((0.0, 0, 2))).tolist()
     [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]
     """
-    unit = normal / np.linalg.norm(normal)
+    unit = unit_vectors(normal)
     helper = np.eye(3)[1 if abs(unit[1]) < abs(unit[0]) or abs(unit[2]) > 0.9 else 0]
     first = np.cross(helper, unit)
     first /= np.linalg.norm(first)
@@ -76,9 +74,9 @@ class Slicer:
     >>> import trimesh
     >>> tube = trimesh.creation.cylinder(3.0, 40.0, sections=96)
     >>> slicer = Slicer(Mesh(tube.vertices, tube.faces))
-    >>> inscribed, (section,) = slicer.sections(np.zeros((1, 3)), np.array([(0.0, 0, 1)]))
-    >>> inscribed.round(2).tolist(), round(section.radius, 2), round(section.largest_diameter, 2)
-    ([3.0], 3.0, 6.0)
+    >>> (section,) = slicer.sections(np.zeros((1, 3)), np.array([(0.0, 0, 1)]), np.array([3.0]))
+    >>> round(section.radius, 2), round(section.largest_diameter, 2)
+    (3.0, 6.0)
     """
 
     def __init__(self, mesh: Mesh) -> None:
@@ -90,43 +88,42 @@ class Slicer:
         # triangles lie in cells of twice their size, so that few of them are looked at
         cells, cell = np.unique(np.floor(middles / (2 * margin)), axis=0, return_inverse=True)
         self._in_cells = np.argsort(cell.reshape(-1), kind="stable")
-        self._starts = np.searchsorted(cell.reshape(-1)[self._in_cells], np.arange(len(cells) + 1))
+        self._starts = offsets_of(np.bincount(cell.reshape(-1)))
         self._cells, self._beyond = (2 * cells + 1) * margin, (1 + 3**0.5) * margin
 
-    def sections(
-        self, points: FloatArray, normals: FloatArray, least: float = 0.0, radii: FloatArray | None = None
+    def around(
+        self, points: FloatArray, normals: FloatArray, least: float
     ) -> tuple[FloatArray, list[Section | None]]:
-        """Cut around points by planes; what was asked before is remembered.
+        """Radii (P,) of the largest spheres around points inside the mesh, 0 outside, and `sections` there.
+
+        Sections are looked for as if spheres had at least the radius ``least``, in mm; they are remembered.
+        """
+        keys = [plane.tobytes() for plane in np.hstack([points, normals])]
+        new = np.array([n for n, key in enumerate(keys) if key not in self._known], np.int64)
+        if len(new):
+            radii = np.maximum(-to_mesh(points[new], self.mesh), 0.0)
+            cut = self.sections(points[new], normals[new], np.where(radii > 0, np.maximum(radii, least), 0))
+            self._known |= zip((keys[n] for n in new), zip(radii.tolist(), cut, strict=True), strict=True)
+        of_points, sections = zip(*(self._known[key] for key in keys), strict=True)
+        return np.array(of_points), list(sections)
+
+    def sections(self, points: FloatArray, normals: FloatArray, radii: FloatArray) -> list[Section | None]:
+        """Cut around points; None where no closed loop goes around one, or only a large one.
 
         Parameters
         ----------
         points, normals : (P, 3) float64
-        least : float
-            Sections are looked for as if the spheres had at least this radius, in mm.
-        radii : (P,) float64, optional
-            Of the spheres, where the mesh does not tell inside from outside.
-
-        Returns
-        -------
+            Of the planes.
         radii : (P,) float64
-            Of the largest spheres around the points inside the mesh; 0 outside.
-        sections : list of Section or None
-            None outside, where no closed loop goes around a point, or only a large one.
+            Of the largest sphere around each point inside the mesh, in mm; where it is 0 nothing is cut.
         """
-        keys = [plane.tobytes() for plane in np.hstack([points, normals])]
-        new = np.array([n for n, key in enumerate(keys) if key not in self._known], np.int64)
-        if radii is None:
-            radii = np.maximum(-to_mesh(points, self.mesh), 0.0) if len(new) else np.zeros(len(points))
-        radii = radii[new]
-        self._known |= {keys[n]: (radius, None) for n, radius in zip(new, radii.tolist(), strict=True)}
-        new, radii = new[radii > 0], radii[radii > 0]
-        for start in range(0, len(new), _AT_ONCE):
-            here = new[start : start + _AT_ONCE]
-            reaches = _REACH * np.maximum(radii[start : start + _AT_ONCE], least)
-            for number, section in self._cut(points[here], normals[here], reaches):
-                self._known[keys[here[number]]] = float(radii[start + number]), section
-        of_points, sections = zip(*(self._known[key] for key in keys), strict=True)
-        return np.array(of_points), list(sections)
+        found: list[Section | None] = [None] * len(points)
+        inside = np.flatnonzero(radii > 0)
+        for start in range(0, len(inside), _AT_ONCE):
+            here = inside[start : start + _AT_ONCE]
+            for number, section in self._cut(points[here], normals[here], _REACH * radii[here]):
+                found[here[number]] = section
+        return found
 
     def _near(self, point: FloatArray, normal: FloatArray, reach: float) -> IntArray:
         """Find the triangles that a plane may meet around its point."""
@@ -173,9 +170,8 @@ def _surrounding(
     _, ids = np.unique(np.concatenate([entered, left]), return_inverse=True)
     risen, sunk = ids.reshape(2, -1)
     count = int(ids.max()) + 1
-    links = coo_array((np.ones(len(risen), bool), (risen, sunk)), shape=(count, count))
-    loops, of_edge = connected_components(links, directed=False)
-    of_segment = of_edge[risen]
+    of_edge = connected_parts(risen, sunk, count)
+    of_segment, loops = of_edge[risen], int(of_edge.max()) + 1
     uses = np.bincount(ids.ravel(), minlength=count)
     is_open = np.bincount(of_edge, uses != 2, loops) > 0
     cross = starts[:, 0] * ends[:, 1] - starts[:, 1] * ends[:, 0]

@@ -9,12 +9,10 @@ from itertools import pairwise
 
 import numpy as np
 from scipy import ndimage
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 
@@ -99,8 +97,7 @@ def _traced(voxels: IntArray, affine: FloatArray, radii: FloatArray) -> list[Lin
     degree = np.bincount(pairs.ravel(), minlength=count)
     branching = degree > 2
     inner = pairs[branching[pairs].all(axis=1)]
-    links = coo_array((np.ones(len(inner), bool), inner.T), shape=(count, count))
-    _, node = connected_components(links, directed=False)
+    node = connected_parts(inner[:, 0], inner[:, 1], count)
     stop = degree != 2
     middles = {int(n): points[stop & (node == n)].mean(axis=0) for n in np.unique(node[stop])}
     neighbours: dict[int, list[int]] = defaultdict(list)

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, unit_vectors
 from cccd.geometry.sides import opposite_sides, pinched_vertices
 
 if TYPE_CHECKING:
@@ -97,8 +97,7 @@ class Mesh:
     @property
     def unit_normals(self) -> FloatArray:
         """Normals (F, 3) of unit length; zero for a face without area."""
-        size = np.linalg.norm(self.face_normals, axis=1, keepdims=True)
-        return np.divide(self.face_normals, size, out=np.zeros_like(self.face_normals), where=size > 0)
+        return unit_vectors(self.face_normals)
 
     @cached_property
     def vertex_normals(self) -> FloatArray:
@@ -106,8 +105,7 @@ class Mesh:
         total = np.zeros_like(self.vertices)
         for corner, axis in np.ndindex(3, 3):
             total[:, axis] += np.bincount(self.faces[:, corner], self.face_normals[:, axis], len(total))
-        size = np.linalg.norm(total, axis=1, keepdims=True)
-        return np.divide(total, size, out=total, where=size > 0)
+        return unit_vectors(total)
 
     @cached_property
     def dihedrals(self) -> Dihedrals:
