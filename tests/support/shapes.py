@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.polygons import RaggedPolygons
@@ -59,3 +60,12 @@ def drawn(slices: dict[int, list[np.ndarray]], depth: int, spacing=(1.0, 1.0, 1.
         RaggedPolygons(np.concatenate([points for _, points in outlines]), offsets).signed_areas < 0,
         Frame(np.diag([*spacing, 1.0]), 2, (size, size, depth)),
     )
+
+
+def assert_sound(surface):
+    """Closed, nowhere through itself, and with the volume of its splines."""
+    assert surface.mesh.is_closed_manifold
+    assert len(surface.mesh.self_intersections()) == 0
+    assert surface.mesh.volume > 0
+    tessellated = [body.tessellate(2).volume for body in surface.bodies]
+    assert sum(tessellated) == pytest.approx(surface.mesh.volume, rel=1e-9)

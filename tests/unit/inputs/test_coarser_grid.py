@@ -19,7 +19,7 @@ from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import mask_surface, voxel_volume
-from cccd_datasets.phantoms import make_phantom
+from cccd_datasets.phantoms import ORGANS, make_phantom
 from cccd_labels.shared_walls import share_walls
 
 RADIUS, VOXEL = 24.0, 3.0
@@ -74,7 +74,7 @@ def test_the_voxels_that_were_copied_are_found(seed, ratios, faces):
     np.testing.assert_array_equal(coarse[np.ix_(*nearest)][clear], fine[clear])
 
 
-@pytest.mark.parametrize("organ", ["bronchi", "kidney", "torus", "H"])
+@pytest.mark.parametrize("organ", sorted(ORGANS))
 def test_an_organ_on_its_own_voxels_is_left_alone(organ):
     phantom = make_phantom("case1", organ, (1.0, 1.0, 1.5), seed=1, margin_voxels=3, location="test")
     assert find_coarser_grid(phantom.mask, np.array((1.0, 1.0, 1.5))) is None

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from support import scans
+from support.solids import egg, mesh_of
 
 import cccd
 from cccd.cli import main
@@ -14,22 +15,10 @@ from cccd.errors import InputError
 from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
-from cccd.settings.surface import TetrahedraSettings
-from cccd_meshes.closed_meshes import mend, read_closed_mesh
-from cccd_tetrahedra.filling import fill_organs
+from cccd_meshes.closed_meshes import mend
 
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)
-
-
-def egg():
-    solid = trimesh.creation.icosphere(5, 20)
-    solid.vertices *= (1, 0.8, 1.3)
-    return solid
-
-
-def plain(solid):
-    return Mesh(np.array(solid.vertices, float), np.array(solid.faces, np.int64))
 
 
 @pytest.fixture
@@ -45,7 +34,7 @@ def test_a_mesh_becomes_a_smooth_spline_near_to_it(here):
     assert len(surface.bodies) == 1
     assert surface.warnings == ()
     assert surface.volume == pytest.approx(egg().volume, rel=2e-3)
-    found = surface_distances(surface.lofted.mesh, plain(egg()), np.random.default_rng(0), 5000)
+    found = surface_distances(surface.lofted.mesh, mesh_of(egg()), np.random.default_rng(0), 5000)
     assert found["assd"] < 0.05
     assert found["hausdorff"] < 0.4
 
@@ -95,9 +84,10 @@ def test_a_mesh_becomes_a_step_solid_and_comes_back(here, capsys):
 
 def test_a_mesh_is_filled_with_tetrahedra(here):
     pytest.importorskip("pytetwild")
-    mesh = read_closed_mesh(here / "egg.stl").mesh
-    filled = fill_organs({"egg": mesh}, TetrahedraSettings(edge_mm=10, tolerance_mm=0.5))
-    assert filled.volumes.sum() == pytest.approx(egg().volume, rel=0.01)
+    pyvista = pytest.importorskip("pyvista")
+    (here / "coarse.yaml").write_text("surface: {tetrahedra: {edge_mm: 10, tolerance_mm: 0.5}}\n")
+    assert main(["surface", "egg.stl", "-o", "egg.vtu", "--configfile", "coarse.yaml"]) == 0
+    assert pyvista.read("egg.vtu").volume == pytest.approx(egg().volume, rel=0.01)
 
 
 def test_what_is_mended_is_said():
@@ -112,20 +102,20 @@ def test_what_is_mended_is_said():
     assert alike.mesh.is_closed_manifold
     assert alike.mesh.volume == pytest.approx(solid.volume)
     assert "turned round" in alike.notes[0]
-    inside_out = mend(plain(solid).reversed(), "egg")
+    inside_out = mend(mesh_of(solid).reversed(), "egg")
     assert inside_out.mesh.volume == pytest.approx(solid.volume)
     assert "inwards" in inside_out.notes[0]
     doubled = mend(Mesh(np.array(solid.vertices), np.vstack([faces, faces[:5]])), "egg")
     assert doubled.mesh.is_closed_manifold
     assert "twice" in doubled.notes[0]
-    sound = mend(plain(solid), "egg")
+    sound = mend(mesh_of(solid), "egg")
     assert sound.notes == ()
 
 
 def test_pieces_that_pass_through_each_other_are_united():
     first, second = trimesh.creation.box((10, 10, 10)), trimesh.creation.box((10, 10, 10))
     second.apply_translation((5, 1, 1))
-    both = mend(plain(trimesh.util.concatenate([first, second])), "boxes")
+    both = mend(mesh_of(trimesh.util.concatenate([first, second])), "boxes")
     assert both.mesh.volume == pytest.approx(2000 - 5 * 9 * 9)
     assert "united" in both.notes[0]
     assert len(both.mesh.self_intersections()) == 0
@@ -138,7 +128,7 @@ def test_a_mesh_that_passes_through_itself_is_made_again():
     radius = 14 + solid.vertices[:, 0]
     bent = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), solid.vertices[:, 1] + angle])
     merged = trimesh.Trimesh(bent, solid.faces, process=True)
-    mesh = plain(merged)
+    mesh = mesh_of(merged)
     assert len(mesh.self_intersections()) > 0
     found = mend(mesh, "bent")
     assert found.mesh.is_closed_manifold

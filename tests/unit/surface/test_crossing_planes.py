@@ -3,21 +3,19 @@
 import numpy as np
 import pytest
 import trimesh
-from support import scans
+from support import scans, solids
+from support.solids import mesh_of
 
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.metrics import surface_distances
 from cccd.surface.crossing_planes import planes_of, surface_through
 
 
 def egg():
-    solid = trimesh.creation.icosphere(5, 20)
-    solid.vertices *= (1, 0.8, 1.3)
-    return Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64))
+    return mesh_of(solids.egg())
 
 
 def cut(mesh, normals, offsets):

@@ -1,8 +1,11 @@
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
-from support.shapes import SETTINGS, ball, curves_of, fork, grid, structure_of
+from support.shapes import SETTINGS, assert_sound, ball, curves_of, fork, grid, structure_of
 
 from cccd.containers import Curves, Frame, Sections
 from cccd.errors import InputError
@@ -11,14 +14,6 @@ from cccd.metrics import dice
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
-
-
-def assert_sound(surface):
-    assert surface.mesh.is_closed_manifold
-    assert len(surface.mesh.self_intersections()) == 0
-    assert surface.mesh.volume > 0
-    tessellated = [body.tessellate(2).volume for body in surface.bodies]
-    assert sum(tessellated) == pytest.approx(surface.mesh.volume, rel=1e-9)
 
 
 def agreement(surface, mask):
@@ -277,3 +272,18 @@ def test_measures_of_a_ball(whole_ball):
     assert figures["self_intersections"] == 0
     # both principal curvatures of a ball are 1 / R; what is left of the pixels adds up to .3
     assert 2 / 20 < figures["curvature_per_area_mm"] < 1.3 * 2 / 20
+
+
+@settings(max_examples=15, deadline=None)
+@given(
+    hnp.arrays(float, st.tuples(st.integers(1, 5), st.just(4)), elements=st.floats(0, 1, width=32)),
+    st.sampled_from([(1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (0.7, 0.9, 1.5)]),
+)
+def test_unions_of_balls_are_always_sound(balls, spacing):
+    mask = np.zeros((36, 36, 18), bool)
+    for x, y, z, size in balls:
+        mask |= ball(mask.shape, (4 + 28 * x, 4 + 28 * y, 18 * z), 2 + 6 * size)
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    curves = curves_of(mask, spacing)
+    if len(curves):
+        assert_sound(loft_surface(Sections(curves), SETTINGS))

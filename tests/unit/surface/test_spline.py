@@ -7,7 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_opening, gaussian_filter
-from support.shapes import ball, curves_of, fork, grid
+from support.shapes import assert_sound, ball, curves_of, fork, grid
+from support.solids import mesh_of, sphere
 from trimesh import creation
 
 from cccd.containers import Sections
@@ -23,13 +24,6 @@ NOWHERE = (-np.inf, np.inf)
 
 def lofted(mask, spacing=(1.0, 1.0, 1.0)):
     return loft_surface(Sections(curves_of(mask, spacing)), LoftSettings())
-
-
-def assert_sound(surface):
-    assert surface.mesh.is_closed_manifold
-    assert len(surface.mesh.self_intersections()) == 0
-    tessellated = [body.tessellate(2) for body in surface.bodies]
-    assert sum(mesh.volume for mesh in tessellated) == pytest.approx(surface.mesh.volume, rel=1e-9)
 
 
 def test_thick_slices_of_a_ball():
@@ -87,8 +81,7 @@ def test_branches_are_one_body():
 
 def test_what_crosses_in_the_control_mesh_too_evens_out():
     """Points where it began are no cure there: the neighbours' means are."""
-    solid = creation.icosphere(3, 10.0)
-    ball = Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64))
+    ball = sphere(10.0, subdivisions=3)
     wall, _ = control_mesh(ball, 200, NOWHERE)
     folded = wall.vertices.copy()
     folded[0] *= -6
@@ -133,8 +126,7 @@ def test_what_has_no_closed_curve_is_refused_in_one_line(shape):
 
 
 def test_quads_keep_the_topology_and_few_corners_are_irregular():
-    ring = creation.torus(10, 3, major_sections=48, minor_sections=24)
-    mesh = Mesh(np.array(ring.vertices), np.array(ring.faces, np.int64))
+    mesh = mesh_of(creation.torus(10, 3, major_sections=48, minor_sections=24))
     spline, few = control_mesh(mesh, 400, NOWHERE)
     assert spline.tessellate(1).genus == few.genus == 1
     assert np.mean(np.bincount(spline.quads.ravel()) != 4) < 0.25

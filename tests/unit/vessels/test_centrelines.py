@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 from support.scans import DATA
+from support.solids import mesh_of
 from support.tubes import Tube, helix, straight, turned, voxels
 
 import cccd
 from cccd.errors import InputError
-from cccd.geometry.mesh import Mesh
 from cccd.inputs.nifti_export import write_nifti
 from cccd_vessels.centrelines import find_centrelines
 from cccd_vessels.files import describe, write_centrelines
@@ -147,11 +147,10 @@ def test_what_is_no_tube_is_refused_and_a_lone_piece_left_out():
     ball = trimesh.creation.icosphere(4, 12.0)
     tube = trimesh.creation.cylinder(3.0, 50.0, sections=48)
     tube.apply_translation((40, 0, 0))
-    mesh = Mesh(np.array(ball.vertices), np.array(ball.faces, np.int64))
     with pytest.raises(InputError, match=r"no tube in it.*give a vessel"):
-        find_centrelines(mesh, 1.0)
+        find_centrelines(mesh_of(ball), 1.0)
     both = trimesh.util.concatenate([ball, tube])
-    found = find_centrelines(Mesh(np.array(both.vertices), np.array(both.faces, np.int64)), 1.0)
+    found = find_centrelines(mesh_of(both), 1.0)
     assert [round(branch.length) for branch in found.branches] == [50]
     assert "1 piece" in found.notes[0]
 

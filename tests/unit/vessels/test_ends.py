@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from support.solids import mesh_of
 from support.tubes import Tube, straight, voxels
 from test_centrelines import FINE, fork
 
@@ -10,16 +11,11 @@ import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.distance import to_mesh
-from cccd.geometry.mesh import Mesh
 from cccd.inputs.nifti_export import write_nifti
 from cccd_vessels.centrelines import find_centrelines
 from cccd_vessels.ends import clear_ends, find_ends, opened
 from cccd_vessels.hollow import hollow_wall
 from cccd_vessels.named import write_named
-
-
-def mesh_of(solid):
-    return Mesh(np.array(solid.vertices), np.array(solid.faces, np.int64))
 
 
 @pytest.fixture(scope="module")
