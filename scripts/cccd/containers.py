@@ -138,6 +138,12 @@ class Frame:
         """The affine (4, 4) with columns reordered so that ``world = stack_affine @ (i, j, k, 1)``."""
         return self.affine[:, [*self.in_plane_axes, self.slice_axis, 3]]
 
+    def plane_to_world(self, origin: np.ndarray) -> np.ndarray:
+        """Affine (4, 4) to mm RAS from mm in the slices' plane, from a pixel ``(i, j)`` on, and of height."""
+        scale = np.diag([*(1 / self.pixel_spacing), 1 / self.slice_spacing, 1.0])
+        scale[:2, 3] = origin
+        return self.stack_affine @ scale
+
     def to_world(self, points: np.ndarray, k: np.ndarray | float) -> np.ndarray:
         """World coordinates (P, 3) in mm of in-plane points (P, 2) on slice(s) ``k``."""
         points = np.asarray(points, float)

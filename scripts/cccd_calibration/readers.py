@@ -148,4 +148,4 @@ def _lofted(structure: Structure, settings: Settings) -> tuple[SplineSolid, Mesh
     """Loft a mask: in the plane, and in mm RAS."""
     sections = structure.sections(trace_contours(structure)[0])
     solid = loft_in_plane(sections, settings.surface)
-    return solid, solid.mesh.transformed(solid.stack.plane_to_world(sections.curves.frame)).outwards()
+    return solid, solid.mesh.transformed(solid.stack.to_world).outwards()

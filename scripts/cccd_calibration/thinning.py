@@ -178,7 +178,7 @@ def thin_once(
     whole = Structure(
         structure.case, structure.organ, Frame(affine, how.axis, mask.shape), np.zeros(3, int), mask=mask
     )
-    to_plane = np.linalg.inv(solid.stack.plane_to_world(sections.curves.frame)).astype(np.float64)
+    to_plane = np.linalg.inv(solid.stack.to_world).astype(np.float64)
     volume = np.count_nonzero(mask) * float(np.prod(structure.frame.spacing))
     return compare(name, solid, mask_surface(whole).transformed(to_plane), volume, rng)
 

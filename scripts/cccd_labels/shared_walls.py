@@ -141,7 +141,7 @@ class SharedWalls:
         borders = find_borders(label_sections(structure))
         heights = np.asarray(borders.slices * frame.slice_spacing, float)
         slices = Slices(heights, borders.distance, frame.pixel_spacing)
-        to_plane: FloatArray = np.asarray(np.linalg.inv(_plane_to_world(frame, borders.origin)), float)
+        to_plane: FloatArray = np.asarray(np.linalg.inv(frame.plane_to_world(borders.origin)), float)
         in_plane = mesh.transformed(to_plane)
         band = band_of(in_plane, slices, settings)
         volumes = mesh.piece_volumes
@@ -338,7 +338,7 @@ def _with_ends(surface: ConformingSurface, beyond: int, ends: tuple[float, float
 
 def _in_world(surface: ConformingSurface, frame: Frame, first: IntArray) -> ConformingSurface:
     """Walls in mm RAS; normals still leave the larger label."""
-    moved = Mesh(surface.vertices, surface.triangles).transformed(_plane_to_world(frame, first))
+    moved = Mesh(surface.vertices, surface.triangles).transformed(frame.plane_to_world(first))
     used = np.bincount(moved.faces.ravel(), minlength=len(moved.vertices)) > 0
     number = np.cumsum(used) - 1  # quicker than sorting
     return replace(surface, vertices=moved.vertices[used], triangles=number[moved.faces])
@@ -349,19 +349,12 @@ def _crossings(
 ) -> dict[int, list[str]]:
     """Tell by label where triangles of pairs (K, 2) that pass through each other are both of one organ."""
     beside = surface.regions[pairs]
-    mesh, to_world = Mesh(surface.vertices, surface.triangles), _plane_to_world(frame, first)
+    mesh, to_world = Mesh(surface.vertices, surface.triangles), frame.plane_to_world(first)
     found = {
         label: crossing(mesh, pairs[(beside == label).any(axis=2).all(axis=1)])
         for label in np.unique(beside).tolist()
     }
     return {label: [violation.line(to_world) for violation in organ] for label, organ in found.items()}
-
-
-def _plane_to_world(frame: Frame, first: IntArray) -> FloatArray:
-    """Affine (4, 4) to mm RAS from mm in the plane, from a source ``(i, j)``, and of height."""
-    scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
-    scale[:2, 3] = first
-    return frame.stack_affine @ scale
 
 
 def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:

@@ -122,7 +122,7 @@ def cut(name: str, mesh: Mesh, ratio: float, rng: np.random.Generator) -> Thinne
     except InputError as error:  # too thin a body for so few slices
         print(f"  {name} {ratio:.2f}: {error}")
         return None
-    to_plane = np.asarray(np.linalg.inv(solid.stack.plane_to_world(sections.curves.frame)), float)
+    to_plane = np.asarray(np.linalg.inv(solid.stack.to_world), float)
     return compare(name, solid, truth.transformed(to_plane), truth.volume, rng)
 
 

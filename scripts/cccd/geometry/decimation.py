@@ -50,8 +50,8 @@ _AHEAD, _UNEVEN = 1.5, 1e-3
 #: With so many times the triangles that were wanted no further ones go.
 _STUCK = 1.1
 
-#: Where triangles shall be smaller edges cost this many times as much: they become half as long.
-_DEARER = 16.0
+#: Where triangles shall be smaller each becomes so many: edges half as long.
+_SPLIT = 4.0
 
 #: Every round starts from so many times the triangles that are to be left: enough to choose from.
 _SPARE = 8
@@ -149,13 +149,13 @@ def collapse_apart(mesh: Mesh, most: int) -> Mesh:
             break
         passing = np.zeros(len(kept.faces), np.bool_)
         passing[pairs.ravel()] = True
-        weigh_more(weights, mesh, kept, kept.with_neighbours(passing))
+        weigh_more(weights, mesh, kept, np.where(kept.with_neighbours(passing), _SPLIT, 1.0))
     return best
 
 
-def weigh_more(weights: FloatArray, mesh: Mesh, fewer: Mesh, where: BoolArray) -> None:
-    """Change the weights (V,) of a mesh so that some triangles (F,) of what it collapsed to become four."""
-    weights[where[nearest_faces(mesh.vertices, fewer)]] *= _DEARER
+def weigh_more(weights: FloatArray, mesh: Mesh, fewer: Mesh, times: FloatArray) -> None:
+    """Change a mesh's weights (V,) so that each triangle of what it collapsed to becomes so many (F,)."""
+    weights *= times[nearest_faces(mesh.vertices, fewer)] ** 2
 
 
 def ahead(mesh: Mesh, most: int) -> Mesh:

@@ -21,7 +21,14 @@ from cccd.surface.sampled import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = ["Violation", "check_surface", "check_walls", "lost_voxels", "pixels_within"]
+__all__ = [
+    "Violation",
+    "check_surface",
+    "check_walls",
+    "lost_voxels",
+    "pixels_within",
+    "places_off_slices",
+]
 
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
@@ -166,10 +173,18 @@ def _centres(pixels: BoolArray, slices: Slices) -> FloatArray:
     return np.column_stack([np.column_stack(at) * slices.spacing, slices.z[slice_]])
 
 
-def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
-    """Find where the surface leaves a slice's outline, and pixels that lie on its wrong side."""
+def places_off_slices(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:
+    """Find where a surface leaves a slice's outline, and pixels on its wrong side, by over `ON_SLICE` pixels.
+
+    Returns
+    -------
+    places : (P, 3) float64
+        In the plane's mm and height in mm, the worst first.
+    far : (P,) float64
+        How many mm.
+    """
     # Distances are in space: where the surface lies almost flat on a slice, its outline there says little.
-    slices, most = stack.slices, ON_SLICE * stack.pixel
+    slices = stack.slices
     across = np.linalg.norm(mesh.vertex_normals[:, :2], axis=1)
     lost, lost_by = lost_voxels(mesh, stack)
     points, off = [lost], [lost_by]
@@ -177,13 +192,20 @@ def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
     for distance, section in zip(slices.distance, sections, strict=True):
         points.append(section[:, :3])
         off.append(np.abs(sampled(distance, section[:, :2] / slices.spacing)) * section[:, 3])
-    place, far = np.concatenate(points), np.concatenate(off)
-    wrong = far > most
-    if not wrong.any():
+    places, far = np.concatenate(points), np.concatenate(off)
+    order = np.argsort(-far, kind="stable")[: np.count_nonzero(far > ON_SLICE * stack.pixel)]
+    return places[order], far[order]
+
+
+def _off_slices(mesh: Mesh, stack: SliceStack) -> list[Violation]:
+    """Report where the surface leaves the slices."""
+    places, far = places_off_slices(mesh, stack)
+    if not len(places):
         return []
-    where = _counted(len(np.unique(place[wrong, 2])), "slice")
-    text = f"the surface is up to {far.max():.2g} mm away from the outline of {where}, farthest"
-    return [Violation(text, place[wrong][np.argsort(-far[wrong], kind="stable")])]
+    where = _counted(len(np.unique(places[:, 2])), "slice")
+    return [
+        Violation(f"the surface is up to {far[0]:.2g} mm away from the outline of {where}, farthest", places)
+    ]
 
 
 def _counted(count: int, what: str) -> str:

@@ -15,14 +15,8 @@ from cccd.geometry.decimation import ahead, weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.surface.checks import check_surface, lost_voxels
-from cccd.surface.control_mesh import (
-    control_mesh,
-    fewer_triangles,
-    on_caps,
-    open_edges,
-    with_caps,
-)
+from cccd.surface.checks import check_surface, places_off_slices
+from cccd.surface.control_mesh import control_mesh, fewer_triangles, with_caps
 from cccd.surface.smooth_mesh import cut_at_ends, moved_to_ends, smooth_mesh, volume_between
 from cccd.surface.spline_fit import Target, fit_spline
 from cccd.surface.stack import CONTROL_BYTES, SliceStack, counts, warnings_of
@@ -31,29 +25,18 @@ from cccd.tolerances import CONTROL_POINT_PIXELS
 
 __all__ = ["SplineSolid", "loft_spline"]
 
-#: Triangles of the coarse mesh for each mm^2, times a pixel's edge and by the curvature |k1| + |k2|. The
-#: spline then is some .02 pixels off the mesh (rms) and as near to the truth as the mesh or nearer; with half
-#: as many it is 5 to 9 % farther.
-DENSITY = 0.1
-#: The same by the square of the curvature: thin branches have as many triangles around as thick ones.
-AROUND = 1.3
-#: ... and by the square of the height where the scan cuts on both sides: a triangle reaches from rim to rim.
-ACROSS = 2.0
-#: Triangles for each edge of a rim where the scan cuts: with fewer it bulges over the edges beside it.
-RIM = 3.0
+#: The coarse mesh begins with one triangle for so many of the mesh that it is made of, and has at most one
+#: for so many: what needs more is noise.
+COARSEST, COARSER = 150, 5
 #: Fewest triangles of a surface.
 FEWEST = 100
-#: The coarse mesh has at most an nth of the triangles that it is made of: bronchi of two pixels have an
-#: eighth of them, and what needs more is noise.
-COARSER = 5
-#: Triangles that are chosen from: so many times those of the coarse mesh.
-SPARE = 8
-#: Band and rounds of the filter that leaves the curvature of the organ alone, for the number of triangles.
-CALM_BAND, CALM_ROUNDS = 0.05, 30
-#: Curvature times a pixel's edge that counts at most: a thread of less than a pixel needs no more triangles.
-MOST_CURVED = 2.0
-#: Rounds of averaging the curvature with that of the neighbours.
-CURVATURE_ROUNDS = 4
+#: Triangles that are chosen from: so many times those that it begins with.
+SPARE = 16
+#: Then the spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 5 % farther from the
+#: truth, with .01 no nearer. A triangle that is n times as far off becomes n, at most so many.
+OFF_VOXELS, MOST_SPLIT = 0.02, 10.0
+#: Where the surface is amiss a triangle becomes so many.
+AMISS_SPLIT = 4.0
 #: Rounds of finer quads where the surface loses a voxel ...
 REFINEMENTS = 3
 #: ... and further ones where it passes through itself: narrow gaps need quads no wider than they are.
@@ -62,10 +45,6 @@ CROSSING_REFINEMENTS = 2
 AMISS_FINER = 2
 #: Edges within so many pixels of lost voxels cost so many times as much.
 BESIDE_LOST, LOST_DEARER = 3.0, 256.0
-#: Area of a triangle whose edges are 1.
-EQUILATERAL = np.sqrt(3) / 4
-#: Control points are rounded so many times finer where that keeps the surface from crossing itself.
-FINER = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,25 +58,22 @@ class SplineSolid:
         Its limit surface at some samples, oriented outwards.
     stack : SliceStack
         What the slices hold.
+    crossing : (K, 2) int64, optional
+        Pairs of the mesh's triangles that pass through each other as the spline is written; None: not known.
     """
 
     spline: ControlMesh
     mesh: Mesh
     stack: SliceStack
+    crossing: IntArray | None = None
 
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
-        affine = self.stack.plane_to_world(frame)
-        spline, mesh, pairs = self.rounded(frame)
-        # what is written is checked: rounding alone may make a surface pass through itself
-        found = check_surface(mesh.transformed(np.asarray(np.linalg.inv(affine), float)), self.stack, pairs)
-        told = [violation.line(affine) for violation in found]
+        spline = as_written(self.spline, self.stack)
+        mesh = spline.tessellate()
+        found = check_surface(mesh.transformed(np.linalg.inv(self.stack.to_world)), self.stack, self.crossing)
+        told = [violation.line(self.stack.to_world) for violation in found]
         return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
-
-    def rounded(self, frame: Frame) -> tuple[ControlMesh, Mesh, IntArray]:
-        """Return the spline in mm RAS as it is stored, its mesh, and pairs (K, 2) of triangles that cross."""
-        spline = self.spline.transformed(self.stack.plane_to_world(frame))
-        return _rounded(spline, CONTROL_POINT_PIXELS * self.stack.pixel)
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""
@@ -112,21 +88,9 @@ class SplineSolid:
         }
 
 
-def _rounded(spline: ControlMesh, tolerance: float) -> tuple[ControlMesh, Mesh, IntArray]:
-    """Round control points, finer where the surface would pass through itself.
-
-    Returns the tessellation too, and the pairs (K, 2) of its triangles that still do.
-    """
-    rounded = spline.rounded(tolerance)
-    mesh = rounded.tessellate()
-    pairs = mesh.self_intersections()
-    if len(pairs):
-        finer = spline.rounded(tolerance / FINER)
-        fine = finer.tessellate()
-        fewer = fine.self_intersections()
-        if len(fewer) < len(pairs):
-            return finer, fine, fewer
-    return rounded, mesh, pairs
+def as_written(spline: ControlMesh, stack: SliceStack) -> ControlMesh:
+    """Return a spline in mm RAS, its control points rounded: rounding alone may make it cross itself."""
+    return spline.transformed(stack.to_world).rounded(CONTROL_POINT_PIXELS * stack.pixel)
 
 
 def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
@@ -139,65 +103,38 @@ def loft_spline(stack: SliceStack, wave: float | None = None) -> SplineSolid:
     wave : float, optional
         Length in mm of the longest waves that are taken off; see `cccd.surface.smooth_mesh`.
     """
-    mesh, ends = smooth_mesh(stack, wave), stack.distance.ends
-    bent, area = _curvature(mesh.low_passed(CALM_BAND, CALM_ROUNDS))
-    bent = np.minimum(bent, MOST_CURVED / stack.pixel)
-    area *= (mesh.vertices[:, 2] > ends[0]) & (mesh.vertices[:, 2] < ends[1])
-    least = np.full(len(area), ACROSS / (ends[1] - ends[0]) ** 2)
-    density = np.maximum(least, np.maximum(AROUND * bent**2, DENSITY * bent / stack.pixel))
-    finest = max(FEWEST, len(mesh.faces) // COARSER, round(float(least @ area)))
-    most = min(finest, max(FEWEST, round(float(density @ area))))
-    target, cut = Target.of(mesh), cut_at_ends(mesh, stack.distance)
-    caps = _cap_triangles(cut, ends, density, target)
-    spline = _fit_and_refine(cut, target, (caps + most, caps + finest), stack)
-    return SplineSolid(spline, spline.tessellate(), stack)
+    mesh = smooth_mesh(stack, wave)
+    wall, crossing = _fit_and_refine(cut_at_ends(mesh, stack.distance), Target.of(mesh), stack)
+    spline = with_caps(wall, stack.distance.ends)
+    return SplineSolid(spline, spline.tessellate(), stack, crossing if spline is wall else None)
 
 
-def _curvature(mesh: Mesh) -> tuple[FloatArray, FloatArray]:
-    """Sum of the principal curvatures' sizes (V,) at the vertices, in 1/mm, and their areas in mm^2."""
-    edges, angles, lengths, _, _ = mesh.dihedrals
-    count = len(mesh.vertices)
-    total = np.bincount(edges.ravel(), np.repeat(angles * lengths / 2, 2), count).astype(float)
-    area = mesh.vertex_areas
-    bent, around = (mesh.averaged(values, CURVATURE_ROUNDS) for values in (total, area))
-    return np.divide(bent, around, out=np.zeros(count), where=around > 0), area
-
-
-def _cap_triangles(cut: Mesh, ends: tuple[float, float], density: FloatArray, target: Target) -> int:
-    """How many triangles the caps of a mesh need, as dense (V,) as it is: some for each edge of a rim."""
-    caps = on_caps(cut, ends)
-    if not caps.any():
-        return 0
-    rim = open_edges(cut.faces[~caps])
-    lengths = np.linalg.norm(cut.vertices[rim[:, 0]] - cut.vertices[rim[:, 1]], axis=1)
-    there = density[target.tree.query(cut.vertices[rim].mean(axis=1))[1]]
-    return round(RIM * float(lengths @ np.sqrt(EQUILATERAL * there)))
-
-
-def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack: SliceStack) -> ControlMesh:
-    """Fit a spline that begins with some triangles of a mesh, with finer quads where it is amiss."""
+def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[ControlMesh, IntArray]:
+    """Fit a spline without caps, with finer quads where it is amiss; and its triangles (K, 2) that cross."""
     ends = stack.distance.ends
     volume = volume_between(target.mesh, ends)
-    most, finest = triangles
+    most = max(FEWEST, len(target.mesh.faces) // COARSEST)
+    finest = max(FEWEST, len(target.mesh.faces) // COARSER)
     fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
     fine = fewer_triangles(fine, SPARE * most, ends)
-    weights = np.ones(len(fine.vertices))
-    best: tuple[int, ControlMesh] | None = None
+    weights, most = _evened(fine, most, finest, target, stack)
+    best: tuple[ControlMesh, IntArray] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
-        # even weights are left out: a faster collapse takes none
-        start, coarse = control_mesh(fine, most, ends, weights if attempt else None)
+        start, coarse = control_mesh(fine, most, ends, weights)
         fit = fit_spline(start, target)
         fit.hold(volume, 1)
         places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
             fit.hold(volume)
-            places = fit.untangle()
-            if best is None or len(places) < best[0]:
-                best = len(places), fit.spline
+            crossing = fit.untangle(lambda spline: as_written(spline, stack).vertices)
+            if best is None or len(crossing) < len(best[1]):
+                best = fit.spline, crossing
+            drawn = fit.spline.tessellate()
+            places = drawn.vertices[drawn.faces[crossing[:, 0], 0]]
             if not len(places) or most >= AMISS_FINER * finest:
                 break
         if len(lost):
-            if not attempt and len(lost_voxels(fine, stack)[0]):  # it is sought among more triangles
+            if attempt == 1:  # it is sought among more triangles
                 fine = moved_to_ends(ahead(cut, max(len(cut.faces) // 2, 2 * SPARE * most)), stack.distance)
                 fine = fewer_triangles(fine, SPARE * most, ends, _dearer(fine, lost, stack))
                 weights = np.ones(len(fine.vertices))
@@ -206,10 +143,22 @@ def _fit_and_refine(cut: Mesh, target: Target, triangles: tuple[int, int], stack
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
         there = coarse.with_neighbours(there)
-        weigh_more(weights, fine, coarse, there)
+        weigh_more(weights, fine, coarse, np.where(there, AMISS_SPLIT, 1.0))
         most = min(len(coarse.faces) + 3 * int(there.sum()), AMISS_FINER * finest)
     assert best is not None
-    return with_caps(best[1], ends)
+    return best
+
+
+def _evened(fine: Mesh, most: int, finest: int, target: Target, stack: SliceStack) -> tuple[FloatArray, int]:
+    """Weights (V,) of a mesh, and a number of triangles: finer where a first spline is far off its mesh."""
+    start, coarse = control_mesh(fine, most, stack.distance.ends)
+    places, off = fit_spline(start, target).off()
+    near, count = nearest_faces(places, coarse), len(coarse.faces)
+    mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
+    times = np.clip(np.sqrt(mean) / (OFF_VOXELS * np.cbrt(stack.voxel.prod())), 1.0, MOST_SPLIT)
+    weights = np.ones(len(fine.vertices))
+    weigh_more(weights, fine, coarse, times)
+    return weights, min(round(float(times.sum())), finest)
 
 
 def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:
@@ -218,5 +167,5 @@ def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:
 
 
 def _lost(spline: ControlMesh, stack: SliceStack) -> FloatArray:
-    """Places (P, 3) of voxels that lie on the wrong side of a spline."""
-    return lost_voxels(with_caps(spline, stack.distance.ends).tessellate(1), stack)[0]
+    """Places (P, 3) where a spline leaves the slices' outlines or has voxels on its wrong side."""
+    return places_off_slices(with_caps(spline, stack.distance.ends).tessellate(1), stack)[0]

@@ -6,6 +6,7 @@ surface they only even out.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -120,6 +121,11 @@ class SplineFit:
         most = MOST_STEP * self._shortest_edges()
         self.points = self.points + np.clip(move, -most, most)[:, None] * along
 
+    def off(self) -> tuple[FloatArray, FloatArray]:
+        """Places (P, 3) on the surface, and how many mm (P,) each is off the mesh."""
+        samples = self.sampling @ self.points
+        return samples, np.abs(self.target.away(samples, self._normals(samples))[0])
+
     def move(self, by: float) -> None:
         """Move the surface outwards by so many mm; rims stay in their planes."""
         self.points = self.points + by * self._normals(self.sampling @ self.points)[: len(self.points)]
@@ -138,38 +144,41 @@ class SplineFit:
                 break
             self.move((volume - held) / drawn.area)
 
-    def untangle(self) -> FloatArray:
+    def untangle(self, written: Callable[[ControlMesh], FloatArray]) -> IntArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
-        They go back to where they began and, where it crosses there too, towards their neighbours' means. It
-        is looked at as it is written.
+        They go back to where they began and, where it crosses there too, towards their neighbours' means.
+
+        Parameters
+        ----------
+        written : callable
+            Gives the control points (V, 3) as a spline's are written: what these make is looked at.
 
         Returns
         -------
-        (P, 3) float64
-            Places where it still passes through itself.
+        (K, 2) int64
+            Pairs of its triangles that still pass through each other.
         """
         sampler = self.wall.sampler()
         triangles = MovingTriangles(sampler.triangles)
-        fewest, best, places = np.inf, self.points, np.zeros((0, 3))
+        best, fewest = self.points, None
         for back, rounds in ((True, UNTANGLING_ROUNDS), (False, EVENING_ROUNDS)):
             points, moving, waited = best, np.zeros(len(best), np.bool_), 0
             for _ in range(1 + rounds):
-                pairs = triangles.passing_pairs(sampler.matrix @ points)
-                number, near = len(pairs), _moving(sampler, pairs)
+                pairs = triangles.passing_pairs(sampler.matrix @ written(self.wall.moved(points)))
+                near = _moving(sampler, pairs)
                 waited += 1
-                if number < fewest:
-                    fewest, best, waited = number, points, 0
-                    places = (sampler.matrix @ points)[sampler.triangles[pairs[:, 0], 0]]
-                if not number or waited > PATIENCE:
+                if fewest is None or len(pairs) < len(fewest):
+                    best, fewest, waited = points, pairs, 0
+                if not len(pairs) or waited > PATIENCE:
                     break
                 moving |= near if back else near | (self.neighbours @ near > 0)
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
-            if not fewest:
+            if not len(fewest):
                 break
         self.points = best
-        return places
+        return fewest
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""

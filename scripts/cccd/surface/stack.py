@@ -41,6 +41,8 @@ class SliceStack:
         Those in space, on the slices and on levels between them.
     origin : (2,) int64
         Source ``(i, j)`` of the plane's first pixel.
+    to_world : (4, 4) float64
+        Affine from the plane's mm and height in mm to mm RAS.
     voxel : (3,) float64
         Distance between slices, and a pixel's edges along i and j, in mm.
     voxel_faces : (3,) int64
@@ -62,6 +64,7 @@ class SliceStack:
     slices: Slices
     distance: SampledDistance
     origin: IntArray
+    to_world: FloatArray
     voxel: FloatArray
     voxel_faces: IntArray
     volume: float
@@ -85,12 +88,6 @@ class SliceStack:
     def pixel(self) -> float:
         """Edge length of a pixel in mm (the geometric mean of its two)."""
         return self.slices.pixel
-
-    def plane_to_world(self, frame: Frame) -> FloatArray:
-        """Affine (4, 4) from the plane's mm and height in mm to mm RAS."""
-        scale = np.diag([*(1 / frame.pixel_spacing), 1 / frame.slice_spacing, 1.0])
-        scale[:2, 3] = self.origin
-        return frame.stack_affine @ scale
 
     @cached_property
     def part_volumes(self) -> list[float]:
@@ -182,6 +179,7 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
         slices,
         SampledDistance(values, z, frame.pixel_spacing, cut_heights),
         borders.origin,
+        frame.plane_to_world(borders.origin),
         voxel,
         _voxel_faces(borders.inside),
         _volume(borders, frame, step, breaks, cut_heights),

@@ -28,7 +28,7 @@ def lofted_distances(structure: Structure) -> Mesh:
         In world mm (RAS), outwards.
     """
     stack = interpolate_slices(structure.sections(trace_mask(structure)), LoftSettings())
-    return stack.distance.zero_surface().transformed(stack.plane_to_world(structure.frame)).outwards()
+    return stack.distance.zero_surface().transformed(stack.to_world).outwards()
 
 
 def filtered_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
@@ -51,4 +51,4 @@ def filtered_mesh(sections: Sections, settings: LoftSettings) -> Mesh:
     """
     stack = interpolate_slices(sections, settings)
     mesh = cut_at_ends(smooth_mesh(stack, settings.smoothing), stack.distance)
-    return mesh.transformed(stack.plane_to_world(sections.curves.frame)).outwards()
+    return mesh.transformed(stack.to_world).outwards()

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from support import solids
 from support.shapes import SETTINGS, ball, curves_of
 
-from cccd.containers import Frame, Sections
+from cccd.containers import Sections
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import structure_of_array
 from cccd.settings.imports import ImportSettings
@@ -32,7 +32,7 @@ def stack() -> SliceStack:
 def sphere(stack: SliceStack, radius=20.0, centre=(30.0, 30.0, 30.0)) -> Mesh:
     """Triangles of a ball around a voxel of the volume, where the stack has it."""
     mesh = solids.sphere(radius, centre)
-    return mesh.transformed(np.linalg.inv(stack.plane_to_world(Frame(np.eye(4), 2, (60, 60, 60)))))
+    return mesh.transformed(np.linalg.inv(stack.to_world))
 
 
 def problems(mesh: Mesh, stack: SliceStack) -> str:
@@ -112,15 +112,13 @@ def test_shared_walls_are_checked_by_the_organ_s_voxels():
 
 def test_the_line_has_the_place_in_mm_of_the_world(stack):
     mesh, _ = pulled(sphere(stack), 2.0)
-    frame = Frame(np.eye(4), 2, (60, 60, 60))
     found = next(violation for violation in check_surface(mesh, stack) if is_near(violation))
-    line = found.line(stack.plane_to_world(frame))
+    line = found.line(stack.to_world)
     place = np.array([float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")])
     assert 22 < np.linalg.norm(place - 30) < 42
 
 
 def test_thick_slices_leave_the_surface_room_between_them():
     thick = stack_of(ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0)), (1.0, 1.0, 5.0))
-    heights = thick.plane_to_world(Frame(np.diag([1.0, 1.0, 5.0, 1.0]), 2, (60, 60, 12)))
-    true = solids.sphere(20.0, (30.0, 30.0, 30.0)).transformed(np.linalg.inv(heights))
+    true = solids.sphere(20.0, (30.0, 30.0, 30.0)).transformed(np.linalg.inv(thick.to_world))
     assert not any(is_near(violation) for violation in check_surface(true, thick))

@@ -30,9 +30,9 @@ def test_thick_slices_of_a_ball():
     mask = ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0))
     surface = lofted(mask, (1.0, 1.0, 5.0))
     assert_sound(surface)
-    radius = np.linalg.norm(surface.vertices - 30, axis=1)
-    assert np.abs(radius - 20).mean() < 0.12
-    assert np.abs(radius - 20).max() < 1.5  # at the poles, between slices that are 5 mm apart
+    off = np.abs(np.linalg.norm(surface.vertices - 30, axis=1) - 20)
+    assert surface.mesh.vertex_areas @ off / surface.mesh.area < 0.12
+    assert off.max() < 1.5  # at the poles, between slices that are 5 mm apart
 
 
 def folded_area_of_caps(seed):
@@ -87,7 +87,7 @@ def test_what_crosses_in_the_control_mesh_too_evens_out():
     folded[0] *= -6
     fit = SplineFit(wall.moved(folded), Target.of(ball))
     assert len(fit.spline.tessellate(2).self_intersections())
-    assert not len(fit.untangle())
+    assert not len(fit.untangle(lambda spline: spline.vertices))
     assert not len(fit.spline.tessellate(2).self_intersections())
 
 
