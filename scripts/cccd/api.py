@@ -32,8 +32,7 @@ from cccd.inputs.file_requests import Label, Threshold, check_rule, holds_series
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.formats import FORMATS

@@ -8,7 +8,7 @@ from typing import Any
 from cccd.errors import InputError
 from cccd.extras import check_extra
 from cccd.files.options import ExportOptions
-from cccd.lookup import find
+from cccd.plugins import find
 from cccd.settings.formats import FORMATS
 from cccd.store import atomic_path, check_writable
 from cccd.surface.surface import LoftedSurface

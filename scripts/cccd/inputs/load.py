@@ -42,8 +42,7 @@ from cccd.inputs.row_files import (
     read_mask,
 )
 from cccd.layouts import completed
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.messages import nearest

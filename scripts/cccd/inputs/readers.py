@@ -24,8 +24,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.limits import LIMITS, Limits, check_size
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
 if TYPE_CHECKING:

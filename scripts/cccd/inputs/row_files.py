@@ -20,8 +20,7 @@ from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilit
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.request import Request
 from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
