@@ -10,9 +10,8 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.request import Request
-from cccd.settings.messages import choices
 
 __all__ = ["IMAGES_ALONE", "completed"]
 

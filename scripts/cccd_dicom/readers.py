@@ -17,7 +17,7 @@ import numpy as np
 import pydicom
 from pydicom.errors import InvalidDicomError
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
 from cccd.inputs.labels import choose_labels
@@ -26,7 +26,6 @@ from cccd.inputs.load import Scan
 from cccd.inputs.readers import guarded
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import choices
 from cccd.tolerances import (
     CONTOUR_PLANE,
     EVEN_SPACING,

@@ -7,9 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.plugins import find, table
-from cccd.settings.messages import nearest
 
 if TYPE_CHECKING:  # the workflow reads this module each time it starts
     from torch import nn

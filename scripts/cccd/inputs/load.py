@@ -15,7 +15,7 @@ import numpy as np
 
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in, referenced_series
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
@@ -45,7 +45,6 @@ from cccd.layouts import completed
 from cccd.plugins import find, table
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
 __all__ = [

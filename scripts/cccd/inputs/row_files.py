@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality
-from cccd.errors import EarlyWarning, InputError
+from cccd.errors import EarlyWarning, InputError, choices, nearest
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
@@ -22,7 +22,6 @@ from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
-from cccd.settings.messages import choices, nearest
 from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 __all__ = [
