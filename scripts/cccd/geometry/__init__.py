@@ -10,8 +10,6 @@ module             holds
 ``mesh``           `Mesh`: volume, area, normals, dihedral angles, soundness, samples
 ``conforming``     `ConformingSurface`: several regions whose walls are one surface each
 ``collisions``     pairs of triangles that pass through each other
-``patches``        which triangles may do so
-``sides``          sides of triangles: which run along one edge, how they follow each other around a vertex
 ``ply``            meshes to and from PLY files, in double precision
 ``polygons``       `RaggedPolygons`: areas, lengths, resampling, simplicity
 ``raster``         polygons to pixels, meshes to voxels
