@@ -21,9 +21,8 @@ from cccd.errors import InputError, choices
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.limits import LIMITS, Limits, check_count, check_size
 from cccd.inputs.load import Scan
-from cccd.inputs.readers import guarded
+from cccd.inputs.readers import check_count, check_size, guarded
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
 from cccd.tolerances import (
@@ -209,7 +208,6 @@ def read_series(
     fill_gaps: bool = False,
     modality: str | None = None,
     referenced: str = "",
-    limits: Limits = LIMITS,
 ) -> Volume:
     """Read the one image series in a folder (and the folders below), or the referenced one of several.
 
@@ -223,8 +221,6 @@ def read_series(
         Look at series of this modality only, e.g. ``"CT"``.
     referenced : str
         UID of the series to take where the folder has it; empty where nothing refers to one.
-    limits : Limits
-        What the series may ask for.
 
     Returns
     -------
@@ -244,7 +240,7 @@ def read_series(
             files = [_Slice(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
             files = _choose_series(folder, modality, referenced)
-        check_size(_promised(files), limits, location)
+        check_size(_promised(files), location)
         if len(files) == 1 and int(files[0].header.get("NumberOfFrames") or 1) > 1:
             return _read_multiframe(files[0].path)
         stack = _stack(location, files)
@@ -358,8 +354,8 @@ class Segments:
     location: str
 
     @classmethod
-    def read(cls, path: Path, limits: Limits = LIMITS) -> Segments:
-        """Read a SEG that asks for no more than ``limits``.
+    def read(cls, path: Path) -> Segments:
+        """Read a SEG.
 
         Raises
         ------
@@ -371,7 +367,7 @@ class Segments:
         location = path.name
         with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
             header = pydicom.dcmread(path, stop_before_pixels=True)
-            check_size(_promised([_Slice(path, header)]), limits, location)
+            check_size(_promised([_Slice(path, header)]), location)
             seg = highdicom.seg.segread(path)
             return cls(seg, _segment_names(seg), _referenced(seg), location)
 
@@ -570,18 +566,15 @@ class Regions:
         UID.
     location : str
         The file's name.
-    limits : Limits
-        What the object may ask for.
     """
 
     names: dict[int, str]
     items: dict[int, pydicom.Dataset]
     frame_of_reference: str
     location: str
-    limits: Limits
 
     @classmethod
-    def read(cls, path: Path, limits: Limits = LIMITS) -> Regions:
+    def read(cls, path: Path) -> Regions:
         """Read an RTSTRUCT.
 
         Raises
@@ -599,7 +592,7 @@ class Regions:
                 frame = str(item.get("FrameOfReferenceUID", "")) or frame
         if not names:
             raise InputError(location, "it has no ROI", "export the structure set again")
-        return cls(names, items, frame, location, limits)
+        return cls(names, items, frame, location)
 
     def contours(self, label: str, organ: str) -> list[list[FloatArray]]:
         """Take the contours of ROIs.
@@ -667,9 +660,9 @@ class Regions:
     def _contours_of(self, number: int) -> list[FloatArray]:
         item = self.items.get(number)
         sequence = [] if item is None else item.get("ContourSequence", [])
-        check_count(len(sequence), self.limits, "contours", self.location)
+        check_count(len(sequence), "contours", self.location)
         points = sum(len(_coordinates(item)) for item in sequence) // 3
-        check_count(points, self.limits, "contour_points", self.location)
+        check_count(points, "contour_points", self.location)
         return [_contour(self.location, self.names[number], item) for item in sequence]
 
 

@@ -8,11 +8,11 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17809,
+    "scripts/cccd": 17775,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1769,
-    "scripts/cccd_dicom": 1690,
-    "scripts/cccd_formats": 404,
+    "scripts/cccd_dicom": 1683,
+    "scripts/cccd_formats": 403,
     "scripts/cccd_junctions": 3966,
     "scripts/cccd_labels": 2708,
     "scripts/cccd_meshes": 461,
