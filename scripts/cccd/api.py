@@ -21,8 +21,7 @@ from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.dicom_objects import object_in
 from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
-from cccd.files.options import ExportOptions
-from cccd.files.write import format_of, write_surface
+from cccd.files.write import ExportOptions, format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh

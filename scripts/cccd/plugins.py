@@ -88,7 +88,7 @@ class Format:
     holds : str
         What the file contains, for people.
     writer : str
-        Path of a function, called with path, surface and `cccd.files.options.ExportOptions`.
+        Path of a function, called with path, surface and `cccd.files.write.ExportOptions`.
     extra : str
         The extra that writes it.
     made_of : {"mesh", "solids", "tetrahedra"}
