@@ -13,8 +13,15 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from cccd.curves.periodic import least_squares, project, tangent_least_squares
-from cccd.curves.spans import basis, pieces, slope_at, value_at
+from cccd.curves.periodic import (
+    basis,
+    least_squares,
+    pieces,
+    project,
+    slope_at,
+    tangent_least_squares,
+    value_at,
+)
 from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
 from cccd.geometry.closed_splines import DEGREE, extend_knots
 from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
