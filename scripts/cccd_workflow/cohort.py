@@ -16,8 +16,8 @@ from typing import Any
 import yaml
 
 from cccd.errors import InputError, choices, nearest
-from cccd.layouts import IMAGES_ALONE
 from cccd.project import PROJECT
+from cccd.request import IMAGES_ALONE
 from cccd_segmentation.seeds import parse_seeds
 from cccd_workflow.sheet import read_rows
 

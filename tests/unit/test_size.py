@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17755,
+    "scripts/cccd": 17742,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1769,
     "scripts/cccd_dicom": 1683,
@@ -22,10 +22,10 @@ MOST_LINES = {
     "scripts/cccd_shapes": 1491,
     "scripts/cccd_solids": 1976,
     "scripts/cccd_tetrahedra": 1521,
-    "scripts/cccd_training": 3662,
+    "scripts/cccd_training": 3661,
     "scripts/cccd_vessels": 1897,
     "scripts/cccd_viewers": 781,
-    "scripts/cccd_workflow": 5883,
+    "scripts/cccd_workflow": 5882,
     "bench": 4709,
     "tests": 24805,
 }

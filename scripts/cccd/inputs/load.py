@@ -41,9 +41,8 @@ from cccd.inputs.row_files import (
     read_image,
     read_mask,
 )
-from cccd.layouts import completed
 from cccd.plugins import find, table
-from cccd.request import Request
+from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd.sidecar_files import voxel_files
 

@@ -13,8 +13,7 @@ from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
-from cccd.layouts import completed
-from cccd.request import Request
+from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd_datasets.whole_scans import read_scan, scan_phantom
 from cccd_training.segmentation.examples import LabelledScan

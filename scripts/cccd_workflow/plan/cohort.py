@@ -12,8 +12,7 @@ from typing import Literal, NamedTuple, Protocol
 
 from cccd.dicom_objects import holds_contours, object_in
 from cccd.errors import InputError, nearest
-from cccd.layouts import completed
-from cccd.request import Request
+from cccd.request import Request, completed
 from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
 from cccd_workflow.remote import RemoteFile, is_remote, read_address
