@@ -22,7 +22,7 @@ from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
-from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, farthest_apart
 from cccd.plugins import find, table
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
@@ -274,9 +274,7 @@ def _two_places(image: SpatialImage, location: str) -> list[str]:
     sform, qform = image.get_sform(coded=True)[0], image.get_qform(coded=True)[0]
     if sform is None or qform is None:
         return []
-    corners = np.indices((2, 2, 2)).reshape(3, -1) * (np.array(image.shape[:3])[:, None] - 1)
-    moved = (sform - qform) @ np.vstack([corners, np.ones(8)])
-    apart = float(np.linalg.norm(moved, axis=0).max())
+    apart = farthest_apart(sform, qform, image.shape[:3])
     if apart < 0.5 * np.linalg.norm(sform[:3, :3], axis=0).min():
         return []
     return [f"{location}: its sform and qform put it up to {apart:.3g} mm apart; the sform is used"]
