@@ -159,7 +159,7 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         mask = files.read(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
-        return _with_coarser_grid(mask, mask.data)
+        return _with_coarser_grid(mask)
     if _is_nnunet(path):
         classes = files.read(find(table("READERS")["nnU-Net"].read), path)
         return _field_or_mask(classes.of_organ(label, organ))
@@ -253,7 +253,7 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
             )
         warnings = united.warnings + volume.warnings
         united = replace(aligned, data=np.maximum(united.data, aligned.data), warnings=warnings)
-    return united if len(files) == 1 else _with_coarser_grid(united, united.data)
+    return united if len(files) == 1 else _with_coarser_grid(united)
 
 
 @dataclass(frozen=True, eq=False)
@@ -370,12 +370,12 @@ class RowFiles:
 EACH_ITS_OWN = RowFiles()
 
 
-def _with_coarser_grid(mask: Volume, labels: AnyArray) -> Volume:
-    """Note which grid a mask, and all labels (a, b, c) of its file, were copied from."""
+def _with_coarser_grid(mask: Volume) -> Volume:
+    """Note which grid a mask was copied from."""
     if mask.data.dtype != bool:
         return mask
     spacing = np.linalg.norm(mask.affine[:3, :3], axis=0)
-    return replace(mask, coarser=find_coarser_grid(labels, spacing))
+    return replace(mask, coarser=find_coarser_grid(mask.data, spacing))
 
 
 #: So many labels are named in a message.
