@@ -25,14 +25,7 @@ from cccd.inputs.load import Scan
 from cccd.inputs.readers import check_count, check_size, guarded
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
-from cccd.tolerances import (
-    CONTOUR_PLANE,
-    EVEN_SPACING,
-    ORTHOGONALITY,
-    SAME_HEADER,
-    SAME_PLANE_MM,
-    SAME_POSITION_PX,
-)
+from cccd.tolerances import CONTOUR_PLANE, ORTHOGONALITY, SAME_PLANE_MM
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 
 __all__ = [
@@ -47,6 +40,13 @@ __all__ = [
     "segment_names",
     "sop_uid",
 ]
+
+#: Slice positions may differ from even spacing by this share of the spacing.
+_EVEN_SPACING = 0.02
+#: Numbers in the headers of one series' slices may differ by this much (they are written with few digits).
+_SAME_HEADER = 1e-4
+#: Slices whose positions differ by less than this, in pixels, lie at one place.
+_SAME_POSITION_PX = 1e-3
 
 #: Modalities of what lies beside images, and has pixels or a position as they have.
 NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
@@ -146,7 +146,7 @@ def _check_alike(location: str, files: list[_Slice]) -> None:
     first = files[0]
     for path, header in files[1:]:
         for name in keys:
-            if not np.allclose(header[name].value, first.header[name].value, atol=SAME_HEADER):
+            if not np.allclose(header[name].value, first.header[name].value, atol=_SAME_HEADER):
                 raise InputError(
                     location,
                     f"{path.name} differs from {first.path.name} in {name}",
@@ -248,7 +248,7 @@ def read_series(
     data = np.stack([_modality_pixels(file.path) for file in stack.files], axis=-1)
     warnings: list[str] = []
     index = (stack.heights - stack.heights[0]) / spacing
-    if np.abs(index - np.arange(len(index))).max() > EVEN_SPACING * max(1, len(index) ** 0.5):
+    if np.abs(index - np.arange(len(index))).max() > _EVEN_SPACING * max(1, len(index) ** 0.5):
         finer, _ = even_grid(stack.heights, CONTOUR_PLANE)
         affine[:3, 2] *= finer / spacing
         data, note = _interpolate_slices(location, data, index, spacing, finer / spacing, fill_gaps)
@@ -275,7 +275,7 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
     """Affine (4, 4) in RAS of index (column, row, slice), and the slice spacing, the median gap."""
     positions, heights = stack.positions, stack.heights
     gaps = np.diff(heights)
-    if len(gaps) and gaps.min() < SAME_POSITION_PX * stack.pixel_size:
+    if len(gaps) and gaps.min() < _SAME_POSITION_PX * stack.pixel_size:
         where = stack.files[int(gaps.argmin())].path.name
         raise InputError(
             location,
@@ -293,7 +293,7 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
     affine[:3, 3] = positions[0]
     affine = check_affine(LPS_TO_RAS @ affine, location)
     strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
-    if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * stack.pixel_size):
+    if np.abs(strays).max(initial=0) > max(_EVEN_SPACING * spacing, ORTHOGONALITY * stack.pixel_size):
         raise InputError(location, "its slices do not lie in one line", "give the folder of one scan")
     return affine, spacing
 
@@ -467,7 +467,7 @@ class _Frames(NamedTuple):
         least = np.diff(heights).min()
         multiples = heights / least
         pixel = np.linalg.norm(self.plane, axis=0).min()
-        even = np.abs(multiples - np.rint(multiples)).max() <= EVEN_SPACING * max(1, len(heights) ** 0.5)
+        even = np.abs(multiples - np.rint(multiples)).max() <= _EVEN_SPACING * max(1, len(heights) ** 0.5)
         return bool(even and np.abs(aside).max() <= ORTHOGONALITY * pixel * max(1.0, multiples[-1]))
 
     def volume(self, seg: Any, chosen: Sequence[int], location: str) -> Volume:

@@ -16,7 +16,7 @@ from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.inputs.coarser_grid import CoarserGrid
-from cccd.tolerances import FLATTEST, ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
+from cccd.tolerances import ORTHOGONALITY
 
 __all__ = [
     "LPS_TO_RAS",
@@ -34,6 +34,12 @@ __all__ = [
 
 #: LPS and RAS differ by the sign of the first two axes.
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+#: Tilted slices lie no flatter than this share of the distance between their first pixels (70 degrees).
+FLATTEST = 1 / 3
+#: Two grids are the same when their affines agree to this share of a voxel at every corner.
+SAME_GRID_VOXELS = 0.05
+#: Spacings that differ by less than this share count as equal when the slice axis is chosen.
+SAME_SPACING = 0.05
 
 
 @dataclass

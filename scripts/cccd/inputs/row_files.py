@@ -22,7 +22,6 @@ from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
-from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -43,6 +42,10 @@ __all__ = [
 _Read = TypeVar("_Read")
 #: Voxels that are compared with whole numbers at once: they stay in the processor's cache.
 _PIECE = 2**16
+#: Values of a floating-point label map may differ by this from whole numbers.
+_LABEL_VALUE = 1e-3
+#: Probabilities may lie so far below 0 or above 1, by rounding.
+_PROBABILITY = 1e-3
 _GIVE_MASKS = "give a label volume, or a folder of masks"
 
 
@@ -430,11 +433,11 @@ def _whole_numbers(data: AnyArray, location: str) -> tuple[AnyArray, bool]:
         )
     # as it lies in memory, piece by piece: copies of a whole volume take longer than reading it
     pieces = np.array_split(data.ravel(order="K"), 1 + data.size // _PIECE)
-    if max(np.abs(piece - np.rint(piece)).max(initial=0) for piece in pieces) <= LABEL_VALUE:
+    if max(np.abs(piece - np.rint(piece)).max(initial=0) for piece in pieces) <= _LABEL_VALUE:
         whole = np.rint(data, out=np.empty_like(data, np.int32), casting="unsafe")
         refuse_grey_values(whole, location)
         return whole, False
-    if data.min() < -PROBABILITY or data.max() > 1 + PROBABILITY:
+    if data.min() < -_PROBABILITY or data.max() > 1 + _PROBABILITY:
         raise InputError(
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",
