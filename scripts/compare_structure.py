@@ -2,7 +2,7 @@
 
 from operator import attrgetter
 
-from cccd.lookup import call, find
+from cccd.plugins import call, find
 from cccd.settings.root import whole_settings
 from cccd.store import write_table
 from cccd_viewers.page_files import write_figures

@@ -4,7 +4,7 @@ from pathlib import Path
 
 from cccd.inputs import load_structure
 from cccd.inputs.load import with_segmentation_notes
-from cccd.lookup import call
+from cccd.plugins import call
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
 from cccd.store import read_json, write_boundaries, write_contours, write_structure

@@ -21,8 +21,7 @@ from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
 from cccd.dicom_objects import object_in
 from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
-from cccd.files.options import ExportOptions
-from cccd.files.write import format_of, write_surface
+from cccd.files.write import ExportOptions, format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
@@ -32,8 +31,7 @@ from cccd.inputs.file_requests import Label, Threshold, check_rule, holds_series
 from cccd.inputs.grid import Volume, check_affine, find_slice_axis
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.formats import FORMATS

@@ -18,8 +18,7 @@ from cccd.console import print_error
 from cccd.errors import InputError, MergedLabels
 from cccd.extras import missing_extra
 from cccd.interruption import interruptible
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 
 __all__ = ["main"]
 
@@ -114,7 +113,3 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
             command.description = add_arguments.__doc__
             add_arguments(command)
     return parser
-
-
-if __name__ == "__main__":
-    sys.exit(main())

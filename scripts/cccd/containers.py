@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, split_ragged
-from cccd.geometry.closed_splines import sample_ragged
+from cccd.geometry.closed_splines import evaluate
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
@@ -477,8 +477,11 @@ class Splines:
         """Draw them as closed polygons: so many points per pixel of control polygon, 4 per control point."""
         length = RaggedPolygons(self.control_points, self.offsets).lengths
         counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)
-        points = sample_ragged(self.control_points, self.offsets, self.knots, counts)
-        return Curves(points, offsets_of(counts), self.slice, self.hole, self.frame)
+        parts = [np.zeros((0, 2))]
+        for (control, knots), count in zip(self, counts.tolist(), strict=True):
+            begin, end = float(knots[self.degree]), float(knots[-self.degree - 1])
+            parts.append(evaluate(knots, control, begin + (end - begin) * np.arange(count) / count))
+        return Curves(np.concatenate(parts), offsets_of(counts), self.slice, self.hole, self.frame)
 
 
 #: What a structure brings: a mask, probabilities, drawn contours, boundary maps, or an image.

@@ -8,9 +8,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.extras import missing_extra
-from cccd.settings.messages import choices
 
 __all__ = ["dicom_modality", "holds_contours", "lies_in_its_series", "object_in", "referenced_series"]
 

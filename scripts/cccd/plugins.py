@@ -20,13 +20,14 @@ table                     a row
 ``REPORT``                a module with ITEMS, INPUTS and SECTIONS, as in `cccd_workflow.report.registry`
 ========================= ========================================================================
 
-Functions and classes are named by their dotted path (`cccd.lookup.find`), and such a module imports nothing
+Functions and classes are named by their dotted path (`find`), and such a module imports nothing
 but this one: what is asked for is loaded when it is asked for.
 """
 
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Mapping
 from dataclasses import dataclass
 from importlib import import_module
@@ -34,7 +35,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-__all__ = ["PACKAGES", "Command", "Format", "Reader", "folders", "table"]
+__all__ = ["PACKAGES", "Command", "Format", "Reader", "call", "find", "folders", "table"]
 
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
@@ -87,7 +88,7 @@ class Format:
     holds : str
         What the file contains, for people.
     writer : str
-        Path of a function, called with path, surface and `cccd.files.options.ExportOptions`.
+        Path of a function, called with path, surface and `cccd.files.write.ExportOptions`.
     extra : str
         The extra that writes it.
     made_of : {"mesh", "solids", "tetrahedra"}
@@ -133,3 +134,23 @@ def table(name: str) -> Mapping[str, Any]:
             raise ValueError(f"{folder.name}: {name} has a row {min(taken)!r} already")
         rows |= more
     return MappingProxyType(rows)
+
+
+def find(path: str) -> Any:
+    """Look up a function, or what else a module has, by its dotted path.
+
+    >>> find("math.hypot")(3, 4)
+    5.0
+    """
+    module, name = path.rsplit(".", 1)
+    return getattr(import_module(module), name)
+
+
+def call(function: str, arguments: Mapping[str, Any]) -> Any:
+    """Call a function with those of the arguments that it has parameters for.
+
+    >>> call("statistics.fmean", {"data": [3, 4], "weights": None, "unused": 1})
+    3.5
+    """
+    found = find(function)
+    return found(**{name: arguments[name] for name in inspect.signature(found).parameters})

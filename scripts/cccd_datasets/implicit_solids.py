@@ -18,7 +18,6 @@ import numpy.typing as npt
 from cccd.geometry.arrays import AnyArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
-from cccd.tolerances import PROJECTION_MM
 
 __all__ = [
     "ImplicitFunction",
@@ -36,6 +35,9 @@ __all__ = [
     "union",
     "warped",
 ]
+
+#: Vertices of a phantom's true surface lie this near to its zero set.
+PROJECTION_MM = 1e-4
 
 #: Maps points (3, ...) in world mm to values (...) of the same precision, negative inside.
 ImplicitFunction = Callable[[AnyArray], AnyArray]

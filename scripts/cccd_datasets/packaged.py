@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, check_affine
 from cccd.inputs.readers import read_volume
-from cccd.settings.messages import nearest
 
 if TYPE_CHECKING:
     import pyvista

@@ -16,9 +16,8 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from cccd.containers import Frame, Structure
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray
-from cccd.settings.messages import nearest
 from cccd_datasets.implicit_solids import (
     ImplicitFunction,
     Tissue,

@@ -17,7 +17,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.inputs.grid import Volume, even_grid
-from cccd.tolerances import CONTOUR_AREA, CONTOUR_PLANE, SAME_PLANE_MM, SAME_POINT_VOXELS, SLICE_DIRECTION
+from cccd.tolerances import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION
 
 __all__ = ["assemble_contours", "contour_frame"]
 
@@ -25,6 +25,10 @@ __all__ = ["assemble_contours", "contour_frame"]
 #: Contours run along pixels when this share of their steps are along an axis and whole numbers of pixels, or
 #: cut corners at 45 degrees, each to this share of a pixel, and at least so many are along an axis.
 TRACED, LEAST_STEPS, ALONG_AXIS = 0.95, 40, 0.02
+#: Areas of drawn contours that agree to this share are equal.
+_CONTOUR_AREA = 1e-3
+#: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
+_SAME_POINT_VOXELS = 1e-6
 
 # the grid of the contours ---------------------------------------------------------------------------
 
@@ -170,7 +174,7 @@ def _traced_pixels(contours: list[FloatArray]) -> tuple[float, FloatArray] | Non
     """
     points = np.concatenate(contours)
     steps = np.concatenate([np.diff(contour, axis=0, append=contour[:1]) for contour in contours])
-    moved = np.abs(steps).max(axis=1) > SAME_POINT_VOXELS
+    moved = np.abs(steps).max(axis=1) > _SAME_POINT_VOXELS
     points, steps = points[moved], np.abs(steps[moved])
     aside, long = np.sort(steps, axis=1).T
     straight = aside < ALONG_AXIS * long
@@ -274,7 +278,7 @@ def _rings_by_slice(
         for contour in contours:
             index = contour @ inverse[:3, :3].T + inverse[:3, 3]
             steps = np.diff(index[:, :2], axis=0, append=index[:1, :2])
-            points = index[:, :2][np.abs(steps).max(axis=1) > SAME_POINT_VOXELS]
+            points = index[:, :2][np.abs(steps).max(axis=1) > _SAME_POINT_VOXELS]
             k = int(np.rint(index[:, 2].mean())) if len(index) else 0
             rings = _simple_rings(points, location, f"slice {k}")
             if rings:
@@ -287,7 +291,7 @@ def _rings_by_slice(
 def _simple_rings(points: FloatArray, location: str, where: str) -> list[FloatArray]:
     """Split a contour (n, 2) that touches itself (a keyhole around a hole) into simple rings."""
     # No ring where it encloses no area.
-    if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < SAME_POINT_VOXELS:
+    if len(points) < 3 or shapely.MultiPoint(points).convex_hull.area < _SAME_POINT_VOXELS:
         return []
     polygon = shapely.Polygon(points)
     if polygon.is_valid:
@@ -295,7 +299,7 @@ def _simple_rings(points: FloatArray, location: str, where: str) -> list[FloatAr
     repaired = shapely.make_valid(polygon)
     # a ring that crosses itself winds its loops in opposite senses: its signed area falls short
     area = abs(RaggedPolygons.of([points]).signed_areas[0])
-    differs = abs(repaired.area - area) > CONTOUR_AREA * max(repaired.area, 1.0)
+    differs = abs(repaired.area - area) > _CONTOUR_AREA * max(repaired.area, 1.0)
     if differs and _crosses_itself(points):
         raise InputError(location, f"a contour on {where} crosses itself", "correct it and export again")
     return [ring for ring, _ in _rings_of(repaired)]
@@ -335,9 +339,9 @@ def _nest(rings: list[FloatArray], location: str, where: str) -> _Nested:
         if not a.intersects(b):
             continue
         shared, small, large = a.intersection(b).area, *sorted((a.area, b.area))
-        if shared > (1 - CONTOUR_AREA) * large:
+        if shared > (1 - _CONTOUR_AREA) * large:
             doubles.add(second)
-        elif CONTOUR_AREA * small < shared < (1 - CONTOUR_AREA) * small:
+        elif _CONTOUR_AREA * small < shared < (1 - _CONTOUR_AREA) * small:
             raise InputError(
                 location, f"contours on {where} cross each other", "correct them and export again"
             )

@@ -13,7 +13,7 @@ from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
 from cccd.files.meshes import binary_stl
-from cccd.files.options import ExportOptions
+from cccd.files.write import ExportOptions
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface

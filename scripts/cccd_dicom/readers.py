@@ -17,24 +17,15 @@ import numpy as np
 import pydicom
 from pydicom.errors import InvalidDicomError
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.limits import LIMITS, Limits, check_count, check_size
 from cccd.inputs.load import Scan
-from cccd.inputs.readers import guarded
+from cccd.inputs.readers import check_count, check_size, guarded
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import choices
-from cccd.tolerances import (
-    CONTOUR_PLANE,
-    EVEN_SPACING,
-    ORTHOGONALITY,
-    SAME_HEADER,
-    SAME_PLANE_MM,
-    SAME_POSITION_PX,
-)
+from cccd.tolerances import CONTOUR_PLANE, ORTHOGONALITY, SAME_PLANE_MM
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 
 __all__ = [
@@ -49,6 +40,13 @@ __all__ = [
     "segment_names",
     "sop_uid",
 ]
+
+#: Slice positions may differ from even spacing by this share of the spacing.
+_EVEN_SPACING = 0.02
+#: Numbers in the headers of one series' slices may differ by this much (they are written with few digits).
+_SAME_HEADER = 1e-4
+#: Slices whose positions differ by less than this, in pixels, lie at one place.
+_SAME_POSITION_PX = 1e-3
 
 #: Modalities of what lies beside images, and has pixels or a position as they have.
 NO_IMAGES = ("SEG", "RTSTRUCT", "RTDOSE")
@@ -148,7 +146,7 @@ def _check_alike(location: str, files: list[_Slice]) -> None:
     first = files[0]
     for path, header in files[1:]:
         for name in keys:
-            if not np.allclose(header[name].value, first.header[name].value, atol=SAME_HEADER):
+            if not np.allclose(header[name].value, first.header[name].value, atol=_SAME_HEADER):
                 raise InputError(
                     location,
                     f"{path.name} differs from {first.path.name} in {name}",
@@ -210,7 +208,6 @@ def read_series(
     fill_gaps: bool = False,
     modality: str | None = None,
     referenced: str = "",
-    limits: Limits = LIMITS,
 ) -> Volume:
     """Read the one image series in a folder (and the folders below), or the referenced one of several.
 
@@ -224,8 +221,6 @@ def read_series(
         Look at series of this modality only, e.g. ``"CT"``.
     referenced : str
         UID of the series to take where the folder has it; empty where nothing refers to one.
-    limits : Limits
-        What the series may ask for.
 
     Returns
     -------
@@ -245,7 +240,7 @@ def read_series(
             files = [_Slice(folder, pydicom.dcmread(folder, stop_before_pixels=True))]
         else:
             files = _choose_series(folder, modality, referenced)
-        check_size(_promised(files), limits, location)
+        check_size(_promised(files), location)
         if len(files) == 1 and int(files[0].header.get("NumberOfFrames") or 1) > 1:
             return _read_multiframe(files[0].path)
         stack = _stack(location, files)
@@ -253,7 +248,7 @@ def read_series(
     data = np.stack([_modality_pixels(file.path) for file in stack.files], axis=-1)
     warnings: list[str] = []
     index = (stack.heights - stack.heights[0]) / spacing
-    if np.abs(index - np.arange(len(index))).max() > EVEN_SPACING * max(1, len(index) ** 0.5):
+    if np.abs(index - np.arange(len(index))).max() > _EVEN_SPACING * max(1, len(index) ** 0.5):
         finer, _ = even_grid(stack.heights, CONTOUR_PLANE)
         affine[:3, 2] *= finer / spacing
         data, note = _interpolate_slices(location, data, index, spacing, finer / spacing, fill_gaps)
@@ -280,7 +275,7 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
     """Affine (4, 4) in RAS of index (column, row, slice), and the slice spacing, the median gap."""
     positions, heights = stack.positions, stack.heights
     gaps = np.diff(heights)
-    if len(gaps) and gaps.min() < SAME_POSITION_PX * stack.pixel_size:
+    if len(gaps) and gaps.min() < _SAME_POSITION_PX * stack.pixel_size:
         where = stack.files[int(gaps.argmin())].path.name
         raise InputError(
             location,
@@ -298,7 +293,7 @@ def _stack_affine(location: str, stack: _Stack) -> tuple[FloatArray, float]:
     affine[:3, 3] = positions[0]
     affine = check_affine(LPS_TO_RAS @ affine, location)
     strays = positions - positions[0] - np.outer((heights - heights[0]) / spacing, step)
-    if np.abs(strays).max(initial=0) > max(EVEN_SPACING * spacing, ORTHOGONALITY * stack.pixel_size):
+    if np.abs(strays).max(initial=0) > max(_EVEN_SPACING * spacing, ORTHOGONALITY * stack.pixel_size):
         raise InputError(location, "its slices do not lie in one line", "give the folder of one scan")
     return affine, spacing
 
@@ -359,8 +354,8 @@ class Segments:
     location: str
 
     @classmethod
-    def read(cls, path: Path, limits: Limits = LIMITS) -> Segments:
-        """Read a SEG that asks for no more than ``limits``.
+    def read(cls, path: Path) -> Segments:
+        """Read a SEG.
 
         Raises
         ------
@@ -372,7 +367,7 @@ class Segments:
         location = path.name
         with guarded(location, "not a readable DICOM SEG", "export the segmentation again"):
             header = pydicom.dcmread(path, stop_before_pixels=True)
-            check_size(_promised([_Slice(path, header)]), limits, location)
+            check_size(_promised([_Slice(path, header)]), location)
             seg = highdicom.seg.segread(path)
             return cls(seg, _segment_names(seg), _referenced(seg), location)
 
@@ -472,7 +467,7 @@ class _Frames(NamedTuple):
         least = np.diff(heights).min()
         multiples = heights / least
         pixel = np.linalg.norm(self.plane, axis=0).min()
-        even = np.abs(multiples - np.rint(multiples)).max() <= EVEN_SPACING * max(1, len(heights) ** 0.5)
+        even = np.abs(multiples - np.rint(multiples)).max() <= _EVEN_SPACING * max(1, len(heights) ** 0.5)
         return bool(even and np.abs(aside).max() <= ORTHOGONALITY * pixel * max(1.0, multiples[-1]))
 
     def volume(self, seg: Any, chosen: Sequence[int], location: str) -> Volume:
@@ -571,18 +566,15 @@ class Regions:
         UID.
     location : str
         The file's name.
-    limits : Limits
-        What the object may ask for.
     """
 
     names: dict[int, str]
     items: dict[int, pydicom.Dataset]
     frame_of_reference: str
     location: str
-    limits: Limits
 
     @classmethod
-    def read(cls, path: Path, limits: Limits = LIMITS) -> Regions:
+    def read(cls, path: Path) -> Regions:
         """Read an RTSTRUCT.
 
         Raises
@@ -600,7 +592,7 @@ class Regions:
                 frame = str(item.get("FrameOfReferenceUID", "")) or frame
         if not names:
             raise InputError(location, "it has no ROI", "export the structure set again")
-        return cls(names, items, frame, location, limits)
+        return cls(names, items, frame, location)
 
     def contours(self, label: str, organ: str) -> list[list[FloatArray]]:
         """Take the contours of ROIs.
@@ -668,9 +660,9 @@ class Regions:
     def _contours_of(self, number: int) -> list[FloatArray]:
         item = self.items.get(number)
         sequence = [] if item is None else item.get("ContourSequence", [])
-        check_count(len(sequence), self.limits, "contours", self.location)
+        check_count(len(sequence), "contours", self.location)
         points = sum(len(_coordinates(item)) for item in sequence) // 3
-        check_count(points, self.limits, "contour_points", self.location)
+        check_count(points, "contour_points", self.location)
         return [_contour(self.location, self.names[number], item) for item in sequence]
 
 

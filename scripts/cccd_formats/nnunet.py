@@ -21,8 +21,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.labels import choose_labels
-from cccd.inputs.limits import LIMITS, check_size
-from cccd.inputs.readers import dataset_names, guarded
+from cccd.inputs.readers import check_size, dataset_names, guarded
 
 __all__ = ["Classes", "read_classes"]
 
@@ -137,7 +136,7 @@ def read_classes(path: Path) -> Classes:
         key = next((key for key in ("probabilities", "softmax") if key in held), None)
         if key is None:
             raise InputError(location, f"it contains {', '.join(held) or 'nothing'}, no probabilities", _HINT)
-        check_size(_promised_shape(held, key)[-3:], LIMITS, location)
+        check_size(_promised_shape(held, key)[-3:], location)
         channels = held[key]
     if channels.ndim != 4 or not np.issubdtype(channels.dtype, np.floating):
         size = " x ".join(map(str, channels.shape))

@@ -9,11 +9,9 @@ change and by the shape of their outlines, and `cccd_junctions.reranking` choose
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
 from cccd_junctions.decoding import SMALLEST_LOOP_PX, border_loops
 from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd_junctions.energy import Energy, EnergyWeights, Logits, least_energies
@@ -66,11 +64,7 @@ def _zones(graph: DelaunayGraph, changed: BoolArray) -> BoolArray:
     first, second = graph.link_triangles.T
     cuts, count = changed.shape
     cut, link = np.nonzero(changed[:, first] & changed[:, second])
-    joined = csr_array(
-        (np.ones(len(cut), bool), (cut * count + first[link], cut * count + second[link])),
-        shape=(cuts * count, cuts * count),
-    )
-    number = connected_components(joined, directed=False)[1]
+    number = connected_parts(cut * count + first[link], cut * count + second[link], cuts * count)
     at = np.flatnonzero(changed)
     _, zone = np.unique(number[at], return_inverse=True)
     triangle = at % count

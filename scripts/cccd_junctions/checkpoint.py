@@ -8,8 +8,7 @@ from typing import Any
 
 import torch
 
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd_junctions.inference import LoopPredictor
 from cccd_junctions.network import JunctionNetwork
 from cccd_networks.devices import chosen_device

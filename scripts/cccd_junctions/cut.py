@@ -8,9 +8,11 @@ import numpy as np
 
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, RealArray
-from cccd.tolerances import FLOW
 
 __all__ = ["minimum_cuts"]
+
+#: Capacities up to this are used up when a minimum cut is sought (energies are of the order of one).
+_FLOW = 1e-9
 
 
 def minimum_cuts(
@@ -71,7 +73,7 @@ def _cuts(unaries: FloatArray, residual: FloatArray, neighbours: AnyArray) -> Bo
             reached = False
             for cell in range(count):
                 inside[k, cell] = level[cell] >= 0
-                reached |= level[cell] >= 0 and sink[cell] > FLOW
+                reached |= level[cell] >= 0 and sink[cell] > _FLOW
             if not reached:
                 break
             _block(source, sink, residual, level, neighbours, reverse)
@@ -98,7 +100,7 @@ def _levels(source: FloatArray, residual: FloatArray, neighbours: AnyArray) -> A
     queue = np.empty(len(source), np.int32)
     head, tail = 0, 0
     for cell in range(len(source)):
-        if source[cell] > FLOW:
+        if source[cell] > _FLOW:
             level[cell] = 0
             queue[tail] = cell
             tail += 1
@@ -107,7 +109,7 @@ def _levels(source: FloatArray, residual: FloatArray, neighbours: AnyArray) -> A
         head += 1
         for side in range(3):
             beyond = neighbours[cell, side]
-            if beyond >= 0 and level[beyond] < 0 and residual[cell, side] > FLOW:
+            if beyond >= 0 and level[beyond] < 0 and residual[cell, side] > _FLOW:
                 level[beyond] = level[cell] + 1
                 queue[tail] = beyond
                 tail += 1
@@ -130,9 +132,9 @@ def _block(
         if level[start] != 0:
             continue
         path[0], depth = start, 0
-        while source[start] > FLOW:
+        while source[start] > _FLOW:
             cell = path[depth]
-            if sink[cell] > FLOW:
+            if sink[cell] > _FLOW:
                 _push(source, sink, residual, path[: depth + 1], turn, reverse)
                 depth = 0
                 continue
@@ -152,7 +154,7 @@ def _next_side(cell: int, side: int, residual: FloatArray, level: AnyArray, neig
     # the next side that leads one level up; 3 when there is none
     while side < 3:
         beyond = neighbours[cell, side]
-        if beyond >= 0 and residual[cell, side] > FLOW and level[beyond] == level[cell] + 1:
+        if beyond >= 0 and residual[cell, side] > _FLOW and level[beyond] == level[cell] + 1:
             break
         side += 1
     return side

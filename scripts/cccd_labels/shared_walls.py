@@ -17,13 +17,12 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 from scipy.sparse import csr_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cccd.bands.signs import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, offsets_of
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, offsets_of
 from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.conforming import ConformingSurface, low_passed
 from cccd.geometry.mesh import Mesh
@@ -385,8 +384,8 @@ def touching_groups(structures: Mapping[int, Structure]) -> list[list[int]]:
     least = count + 1 - ndimage.maximum_filter(labels, size)
     beside = np.zeros((count + 2, count + 1), bool)
     beside[least, largest] = True
-    links = beside[1 : count + 1, 1:]  # without the windows that hold no organ
-    group = connected_components(links, directed=False)[1]
+    one, other = np.nonzero(beside[1 : count + 1, 1:])  # without the windows that hold no organ
+    group = connected_parts(one, other, count)
     numbers = np.array(list(structures))
     return [numbers[group == number].tolist() for number in range(group.max() + 1)]
 

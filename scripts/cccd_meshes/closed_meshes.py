@@ -22,8 +22,7 @@ from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.surface.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame

@@ -13,12 +13,11 @@ from pathlib import Path
 import nibabel as nib
 import numpy as np
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices, nearest
 from cccd.geometry.arrays import AnyArray, BoolArray
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.nifti_export import write_nifti
 from cccd.inputs.readers import read_volume
-from cccd.settings.messages import choices, nearest
 from cccd_networks.devices import DEVICE
 from cccd_segmentation.settings import is_installed_segmenter
 

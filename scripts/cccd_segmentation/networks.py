@@ -7,10 +7,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-from cccd.errors import InputError
-from cccd.lookup import find
-from cccd.plugins import table
-from cccd.settings.messages import nearest
+from cccd.errors import InputError, nearest
+from cccd.plugins import find, table
 
 if TYPE_CHECKING:  # the workflow reads this module each time it starts
     from torch import nn
@@ -27,7 +25,7 @@ class Network:
     title : str
         As tables name it.
     build : str
-        Path of a class (`cccd.lookup.find`), called with ``(classes, width, **sizes)``: a module that maps
+        Path of a class (`cccd.plugins.find`), called with ``(classes, width, **sizes)``: a module that maps
         volumes (b, 1, h, w, d) to logits, with a method ``outputs(volume, labels)`` for the training: pairs
         of logits and labels, the final ones first.
     published_width : int

@@ -9,13 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, SingleArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
 from cccd.project import PROJECT
-from cccd.settings.messages import choices
 from cccd.store import atomic_path, write_json
 from cccd_networks.model_header import read_segmenter_plan
 from cccd_segmentation.external import run_external

@@ -12,10 +12,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, unit_vectors
 from cccd.geometry.subdivision import ControlMesh
 from cccd.tolerances import ROUNDING
 from cccd_solids.limit_patches import HalfEdges
@@ -188,8 +186,8 @@ class _Regions:
     def of(cls, mesh: ControlMesh, links: HalfEdges) -> _Regions:
         count = len(mesh.quads)
         open_ = np.flatnonzero(~links.sharp)
-        beside = coo_array((np.ones(len(open_)), (open_ // 4, links.twin[open_] // 4)), shape=(count, count))
-        number, label = connected_components(beside, directed=False)
+        label = connected_parts(open_ // 4, links.twin[open_] // 4, count)
+        number = int(label.max(initial=-1)) + 1
         points = mesh.vertices[mesh.quads]
         area, middle = np.zeros((number, 3)), np.zeros((number, 3))
         np.add.at(area, label, np.cross(points[:, 2] - points[:, 0], points[:, 3] - points[:, 1]) / 2)

@@ -7,9 +7,8 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.inputs.labels import plain_name
-from cccd.settings.messages import choices
 
 __all__ = ["find_structures", "write_sheet"]
 

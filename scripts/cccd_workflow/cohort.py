@@ -15,10 +15,9 @@ from typing import Any
 
 import yaml
 
-from cccd.errors import InputError
-from cccd.layouts import IMAGES_ALONE
+from cccd.errors import InputError, choices, nearest
 from cccd.project import PROJECT
-from cccd.settings.messages import choices, nearest
+from cccd.request import IMAGES_ALONE
 from cccd_segmentation.seeds import parse_seeds
 from cccd_workflow.sheet import read_rows
 

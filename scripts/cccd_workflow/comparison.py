@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cccd.api import Surface, read
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
@@ -24,7 +24,6 @@ from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
 from cccd.metrics import Gaps, dice, normal_angles, solid_dice
-from cccd.settings.messages import choices
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import measure_labels
 from cccd_meshes.closed_meshes import mend

@@ -12,9 +12,8 @@ from pathlib import Path
 
 import yaml
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.project import PROJECT
-from cccd.settings.messages import choices
 
 __all__ = ["run_command", "snakemake_command"]
 

@@ -53,7 +53,7 @@ def installed(tmp_path_factory):
 def cccd(installed, *arguments, cwd):
     """Type a command in a folder that knows no checkout."""
     env = os.environ | {"PYTHONPATH": str(installed)}
-    command = [sys.executable, "-m", "cccd.cli", *arguments]
+    command = [sys.executable, "-m", "cccd", *arguments]
     return subprocess.run(command, cwd=cwd, env=env, capture_output=True, text=True, check=False)
 
 

@@ -38,7 +38,7 @@ from cccd_workflow.report.registry import registered
 from cccd_segmentation.networks import networks
 from cccd.settings.formats import SOLID_FORMATS
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
-from cccd.settings.messages import nearest
+from cccd.errors import nearest
 
 #: Made in a run with rows whose files are missing and removed at its end, so that there is always a job to run:
 #: Snakemake ends well, and calls none of its handlers, where there is nothing to do.

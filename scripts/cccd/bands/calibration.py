@@ -82,11 +82,9 @@ class Calibration:
 
     def lengths(self, signs: FloatArray | SingleArray) -> FloatArray:
         """Scale (V,) of the error in pixels at signs (V, F)."""
-        added = (np.interp(signs[:, n], *self._curve(name)) for n, name in enumerate(SIGNS))
+        curves = (self.scale[name] for name in SIGNS)
+        added = (np.interp(signs[:, n], curve.signs, curve.adds) for n, curve in enumerate(curves))
         return np.exp(sum(added, np.zeros(len(signs))))
-
-    def _curve(self, name: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        return self.scale[name].signs, self.scale[name].adds
 
     def factors(self, ratio: float, share: float) -> tuple[float, float, float, bool]:
         """Factors of the scale and of the volume, correlation length, and whether all are extrapolated.

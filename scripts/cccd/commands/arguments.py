@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from cccd.errors import InputError
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 
 if TYPE_CHECKING:
     from cccd.containers import Structure

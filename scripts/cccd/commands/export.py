@@ -8,8 +8,7 @@ from pathlib import Path
 from cccd.commands.arguments import add_band
 from cccd.commands.outputs import check_outputs, with_name
 from cccd.errors import InputError
-from cccd.files.options import ExportOptions
-from cccd.files.write import write_surface
+from cccd.files.write import ExportOptions, write_surface
 from cccd.store import read_drawn
 from cccd.surface.surface import read_surface
 

@@ -14,8 +14,7 @@ from cccd.commands.arguments import add_band, add_input, read_given, settings_of
 from cccd.commands.outputs import check_outputs, describe_surface, plain_stem, print_surfaces, write_with_band
 from cccd.errors import EarlyWarning, InputError
 from cccd.extras import check_extra
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 
 if TYPE_CHECKING:
     from cccd.api import Surface

@@ -30,7 +30,6 @@ class Ring:
         self.size = np.repeat(sizes, sizes)
         self.begin = np.repeat(offsets[:-1], sizes)
         self.rank = np.arange(offsets[-1]) - self.begin
-        self.longest = int(sizes.max(initial=0))
 
     def at(self, shift: int) -> np.ndarray:
         """Index (P,) of the point ``shift`` places further along the same curve."""

@@ -24,14 +24,6 @@ from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split
 from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
-from cccd.tolerances import (
-    CHECKED_CLOSER,
-    CHECKED_EVERY,
-    CHECKED_PER_PIXEL,
-    CHECKED_PER_SPAN,
-    CHECKED_TURN,
-    STRAY_PX,
-)
 
 __all__ = [
     "CheckedSplines",
@@ -64,6 +56,17 @@ _FULL_LENGTH_PX = 120.0
 
 # Below this tolerance the filter narrows with its square: a small tolerance brings the pixels back.
 _PIXELS_TOLERANCE_PX = 0.15
+#: Samples per pixel, and per span at least, at which a spline is checked for crossings ...
+_CHECKED_PER_PIXEL = 3.0
+_CHECKED_PER_SPAN = 12
+#: ... and where these turn by more than this (radians), the gaps beside are quartered, so many times.
+_CHECKED_TURN = 0.5
+_CHECKED_CLOSER = 3
+#: Whether it strays is asked of every third sample: excursions are as long as the spans, crossings are not.
+_CHECKED_EVERY = 3
+#: A spline lies at most this much further from its curve than its fit's tolerance: the filter that takes the
+#: steps away moves a curve by up to half a pixel.
+_STRAY_PX = 0.75
 
 #: What holds when nobody says otherwise.
 _DEFAULTS = CurveSettings()
@@ -165,9 +168,9 @@ def _fitted(
     splines = _splines(control, offsets, np.concatenate([np.zeros(0), *(fit[1] for fit in fits)]), curves)
     missed = np.array([fit[2] for fit in fits])
     if settings.max_control_points is None:
-        most = STRAY_PX + shares * settings.tolerance_px
+        most = _STRAY_PX + shares * settings.tolerance_px
         return splines, np.where(missed <= most, most, -np.inf)  # nan too
-    return splines, np.where(np.isfinite(missed), STRAY_PX + _left_out(splines, curves), -np.inf)
+    return splines, np.where(np.isfinite(missed), _STRAY_PX + _left_out(splines, curves), -np.inf)
 
 
 def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
@@ -324,9 +327,9 @@ class _Check:
 
 def _strays(lines: RaggedPolygons, polygons: RaggedPolygons, reach: np.ndarray) -> np.ndarray:
     """Lines (C,) bool that have a point further than ``reach`` (C,) from their polygons."""
-    owner = lines.owners[::CHECKED_EVERY]
+    owner = lines.owners[::_CHECKED_EVERY]
     looked = np.isfinite(reach)[owner]
-    owner, points = owner[looked], shapely.points(lines.points[::CHECKED_EVERY][looked])
+    owner, points = owner[looked], shapely.points(lines.points[::_CHECKED_EVERY][looked])
     rings = polygons.rings()
     shapely.prepare(rings)
     strays = np.zeros(len(lines), bool)
@@ -347,11 +350,11 @@ def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Points (N, 2) along a spline, ever closer where it turns: no fold is small between two of them."""
     u = _looks(knots)
     points = evaluate(knots, control, u)
-    for _ in range(CHECKED_CLOSER):
+    for _ in range(_CHECKED_CLOSER):
         step = np.roll(points, -1, axis=0) - points
         before = np.roll(step, 1, axis=0)
         across = before[:, 0] * step[:, 1] - before[:, 1] * step[:, 0]
-        bent = np.abs(np.arctan2(across, (before * step).sum(axis=1))) > CHECKED_TURN
+        bent = np.abs(np.arctan2(across, (before * step).sum(axis=1))) > _CHECKED_TURN
         begin = np.flatnonzero(bent | np.roll(bent, -1))
         if not len(begin):
             break
@@ -366,7 +369,7 @@ def _looks(knots: np.ndarray) -> np.ndarray:
     # Folds sit where knots crowd, so that every span is looked at, and beside sharp corners, where the looks
     # close in on the repeated knot.
     begin, length = knots[DEGREE : -DEGREE - 1], np.diff(knots[DEGREE:-DEGREE])
-    looks = np.where(length > 0, np.maximum(np.ceil(CHECKED_PER_PIXEL * length), CHECKED_PER_SPAN), 0)
+    looks = np.where(length > 0, np.maximum(np.ceil(_CHECKED_PER_PIXEL * length), _CHECKED_PER_SPAN), 0)
     looks = looks.astype(int)
     u = np.repeat(begin, looks) + ranks_of(looks) * np.repeat(length / np.maximum(looks, 1), looks)
     sharp = np.unique(begin[length == 0])

@@ -13,11 +13,18 @@ from typing import NamedTuple
 import numpy as np
 import scipy
 
-from cccd.curves.periodic import least_squares, project, tangent_least_squares
-from cccd.curves.spans import basis, pieces, slope_at, value_at
+from cccd.curves.periodic import (
+    basis,
+    least_squares,
+    pieces,
+    project,
+    slope_at,
+    tangent_least_squares,
+    value_at,
+)
 from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
 from cccd.geometry.closed_splines import DEGREE, extend_knots
-from cccd.tolerances import LEAST_SPACING_PX, LEAST_SPAN_PX, RIDGE, STILL, TINY
+from cccd.tolerances import RIDGE, STILL, TINY
 
 __all__ = ["FEWEST", "FEWEST_SAMPLES", "SPACING_PX", "STAIRCASE_PX", "fit_closed_spline", "reference"]
 
@@ -88,6 +95,10 @@ _FLAT_PX = 0.08
 
 # Share of the tolerance that is kept at the samples: between them a little more may be needed.
 _SAMPLE_SHARE = 0.97
+#: Samples of a curve to be fitted lie at least this far apart.
+_LEAST_SPACING_PX = 0.1
+#: Spans between a curve's knots that are shorter than this are not halved.
+_LEAST_SPAN_PX = 0.05
 
 
 class _Fit(NamedTuple):
@@ -267,7 +278,7 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
     span = np.searchsorted(fit.breaks, fit.parameters, side="right") - 1
     far = np.bincount(span, fit.distance > tolerance, count) > 0
     ends = np.append(fit.breaks, fit.breaks[0] + task.period)
-    several = (np.bincount(span, minlength=count) >= 3) & (np.diff(ends) > LEAST_SPAN_PX)
+    several = (np.bincount(span, minlength=count) >= 3) & (np.diff(ends) > _LEAST_SPAN_PX)
     split = np.flatnonzero(far & several)
     middle = (ends[split] + ends[split + 1]) / 2
     return np.insert(fit.breaks, split + 1, middle), np.insert(kept, split + 1, False)
@@ -491,7 +502,7 @@ def fit_closed_spline(
     elif sigma >= STAIRCASE_PX:
         spacing = _SMOOTH_SPACING_PX
     else:
-        spacing = max(sigma / _SAMPLES_PER_WIDTH, LEAST_SPACING_PX)
+        spacing = max(sigma / _SAMPLES_PER_WIDTH, _LEAST_SPACING_PX)
     points, corner = reference(polygon, corners, spacing, sigma, FEWEST_SAMPLES)
     points = np.ascontiguousarray(points)  # compiled code is compiled once for one layout
     link = np.linalg.norm(np.roll(points, -1, axis=0) - points, axis=1)

@@ -4,19 +4,14 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-import scipy
 import shapely
 
 from cccd.containers import Curves, Splines
 from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
-from cccd.tolerances import TINY
 
 __all__ = ["area_scores", "bytes_per_slice", "distances", "measure_curves", "window_of"]
-
-#: Parts the curves in the search for nearest points: far more than any distance between them.
-_APART = 1e6
 
 #: A pixel is a bit of the file.
 _ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]
@@ -51,17 +46,9 @@ def _regions(curves: Curves, slices: np.ndarray) -> np.ndarray:
 
 def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.ndarray:
     """Distance (P,) in pixels from ragged points to the closed polygon of the same number."""
-    owner, drawn = owners_of(offsets), curves.polygons.owners
-    tree = scipy.spatial.cKDTree(np.column_stack([curves.points, drawn * _APART]))
-    nearest = tree.query(np.column_stack([points, owner * _APART]))[1]
-    near, least = curves.points[nearest], np.full(len(points), np.inf)
-    for neighbour in (curves.polygons.successors, curves.polygons.predecessors):
-        along = curves.points[neighbour[nearest]] - near
-        offset = points - near
-        squared = np.maximum((along**2).sum(axis=1), TINY)
-        share = np.clip((offset * along).sum(axis=1) / squared, 0, 1)
-        least = np.minimum(least, np.linalg.norm(offset - share[:, None] * along, axis=1))
-    return least
+    rings = curves.polygons.rings()
+    shapely.prepare(rings)
+    return shapely.distance(shapely.points(points), rings[owners_of(offsets)])
 
 
 # Bytes ------------------------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 from nibabel.gifti.gifti import GiftiCoordSystem, GiftiDataArray, GiftiImage, GiftiMetaData
 from scipy.spatial import cKDTree
 
-from cccd.files.options import ExportOptions
+from cccd.files.write import ExportOptions
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh

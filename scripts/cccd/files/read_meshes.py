@@ -21,8 +21,7 @@ from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import DRAWN, LARGE
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.store import read_bodies
 
 __all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]

@@ -11,7 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.files.options import ExportOptions
+from cccd.files.write import ExportOptions
 from cccd.geometry.thickness import wall_thickness
 from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import LoftedSurface

@@ -2,18 +2,63 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import check_extra
-from cccd.files.options import ExportOptions
-from cccd.lookup import find
+from cccd.inputs.grid import Volume
+from cccd.plugins import find
 from cccd.settings.formats import FORMATS
+from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.store import atomic_path, check_writable
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["check_format", "format_of", "write_surface"]
+__all__ = ["ExportOptions", "check_format", "format_of", "write_surface"]
+
+_DEFAULT = LoftSettings()
+
+
+@dataclass(frozen=True)
+class ExportOptions:
+    """What some formats need besides: those that lie on the scan, solids, and tetrahedra.
+
+    Attributes
+    ----------
+    organ : str
+        Name of the structure.
+    contour_spacing_mm : float or None
+        Distance of contours' planes; None for the scan's slices.
+    series : Path or None
+        Folder of the DICOM series that the file shall refer to.
+    keep_patient : bool
+        Whether that file says who the patient is.
+    drawn : Structure or None
+        What was drawn, where only some slices were: a label map keeps those as they are.
+    tolerance_mm : float
+        99 % of a solid's surface shall lie so near to the mesh.
+    tetrahedra : TetrahedraSettings
+        Section ``surface.tetrahedra`` of the configuration.
+    scan : Volume or None
+        Whose grey values tetrahedra get.
+    filled : dict
+        Tetrahedra that were made of the surface, with their report, by settings: each further format of the
+        same object gets these, as filling takes minutes.
+    """
+
+    organ: str = "surface"
+    contour_spacing_mm: float | None = None
+    series: Path | None = None
+    keep_patient: bool = False
+    drawn: Structure | None = None
+    tolerance_mm: float = _DEFAULT.step_tolerance_mm
+    tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra
+    scan: Volume | None = None
+    filled: dict[str, tuple[Any, dict[str, Any]]] = field(
+        default_factory=dict[str, tuple[Any, dict[str, Any]]]
+    )
 
 
 def format_of(path: str | Path) -> str:

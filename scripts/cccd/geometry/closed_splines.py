@@ -2,16 +2,16 @@
 
 A closed spline with n control points has n spans. Span ``s`` lies between the knots ``t[s + 3]`` and
 ``t[s + 4]`` and is ruled by the control points ``s .. s + 3`` (mod n). The knots are n + 7, as SciPy wants
-them for the control points with the first three repeated at the end. Fits use `cccd.curves.spans`.
+them for the control points with the first three repeated at the end. Fits use `cccd.curves.periodic`.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray
 
-__all__ = ["DEGREE", "evaluate", "extend_knots", "sample_ragged"]
+__all__ = ["DEGREE", "evaluate", "extend_knots"]
 
 #: Cubic throughout (equations 6-9).
 DEGREE = 3
@@ -33,19 +33,3 @@ def evaluate(knots: FloatArray, control: FloatArray, parameters: FloatArray) -> 
             share = past[r] / (past[r] - past[r + DEGREE + 1 - level])
             points[r] = points[r - 1] + share * (points[r] - points[r - 1])
     return points[DEGREE].T
-
-
-def sample_ragged(control: FloatArray, offsets: IntArray, knots: FloatArray, counts: IntArray) -> FloatArray:
-    """Points (Q, 2) of ragged closed splines at ``counts[c]`` parameters each, evenly over the period.
-
-    ``knots`` holds n + 7 knots per curve, one curve after the other.
-    """
-    parts = [np.zeros((0, 2))]
-    for c, count in enumerate(counts):
-        begin, end = offsets[c], offsets[c + 1]
-        own = knots[begin + 7 * c : end + 7 * (c + 1)]
-        low, high = float(own[DEGREE]), float(own[-DEGREE - 1])
-        parts.append(
-            evaluate(own, control[begin:end], low + (high - low) * np.arange(int(count)) / int(count))
-        )
-    return np.concatenate(parts)

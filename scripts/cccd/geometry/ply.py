@@ -13,30 +13,25 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["TRIANGLE", "ply_header", "read_ply", "write_ply"]
+__all__ = ["read_ply", "write_ply"]
 
 #: A triangle of the file.
-TRIANGLE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
+_TRIANGLE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 
 
 def write_ply(path: str | Path, mesh: Mesh, comment: str) -> None:
     """Write a mesh; ``comment`` is one line of the header."""
-    header = ply_header(len(mesh.vertices), len(mesh.faces), comment)
-    table = np.empty(len(mesh.faces), TRIANGLE)
-    table["count"], table["corners"] = 3, mesh.faces
-    Path(path).write_bytes(header.encode() + mesh.vertices.astype("<f8").tobytes() + table.tobytes())
-
-
-def ply_header(vertices: int, faces: int, comment: str) -> str:
-    """Return the header of a file with so many vertices and faces; ``comment`` is one line of it."""
-    return (
+    header = (
         "ply\nformat binary_little_endian 1.0\n"
         f"comment {comment}\n"
-        f"element vertex {vertices}\n"
+        f"element vertex {len(mesh.vertices)}\n"
         "property double x\nproperty double y\nproperty double z\n"
-        f"element face {faces}\n"
+        f"element face {len(mesh.faces)}\n"
         "property list uchar int vertex_indices\nend_header\n"
     )
+    table = np.empty(len(mesh.faces), _TRIANGLE)
+    table["count"], table["corners"] = 3, mesh.faces
+    Path(path).write_bytes(header.encode() + mesh.vertices.astype("<f8").tobytes() + table.tobytes())
 
 
 def read_ply(path: str | Path) -> Mesh:
@@ -52,8 +47,8 @@ def read_ply(path: str | Path) -> Mesh:
     counts = [
         int(line.split()[2]) for line in head.decode("ascii", "replace").splitlines() if "element" in line
     ]
-    if not mark or len(counts) != 2 or len(body) != 24 * counts[0] + TRIANGLE.itemsize * counts[1]:
+    if not mark or len(counts) != 2 or len(body) != 24 * counts[0] + _TRIANGLE.itemsize * counts[1]:
         raise InputError(str(path), "not a mesh that the lofting wrote", "delete it and run snakemake again")
     vertices = np.frombuffer(body, "<f8", 3 * counts[0]).reshape(-1, 3)
-    table = np.frombuffer(body, TRIANGLE, counts[1], 24 * counts[0])
+    table = np.frombuffer(body, _TRIANGLE, counts[1], 24 * counts[0])
     return Mesh(vertices.copy(), table["corners"].astype(np.int64))

@@ -12,6 +12,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.inputs.grid import crop
 
 __all__ = [
     "AUTO",
@@ -178,18 +179,16 @@ def fill_mask(structure: Structure, mesh: Mesh, whole: bool = False) -> BoolArra
     whole : bool
         On the grid of the source volume instead of the structure's crop.
     """
-    frame, mask = structure.frame, structure.mask
-    shape, origin = (
-        (frame.shape, np.zeros(3, np.int64)) if whole or mask is None else (mask.shape, structure.origin)
-    )
+    frame, mask, annotation = structure.frame, structure.mask, structure.annotation
+    shape, origin = frame.shape, np.zeros(3, np.int64)
+    if mask is not None and not whole:
+        shape, origin = mask.shape, structure.origin
     filled = voxelise(mesh, frame.affine, shape, origin)
-    if mask is None or structure.annotation is None:
-        return filled
-    stack, drawn = np.moveaxis(filled, frame.slice_axis, 0), np.moveaxis(mask, frame.slice_axis, 0)
-    offset = np.asarray(structure.stack_origin) - origin[[frame.slice_axis, *frame.in_plane_axes]]
-    for k in structure.annotation.slices - int(structure.stack_origin[0]):
-        stack[k + offset[0]] = False
-        _paste(stack[k + offset[0]], drawn[k], offset[1:])
+    if mask is not None and annotation is not None:
+        first: IntArray = origin - structure.origin
+        drawn = crop(mask, first, np.add(first, filled.shape) - 1)
+        planes, at = np.moveaxis(filled, frame.slice_axis, 0), annotation.slices - origin[frame.slice_axis]
+        planes[at] = np.moveaxis(drawn, frame.slice_axis, 0)[at]
     return filled
 
 
@@ -198,11 +197,3 @@ def with_undrawn_filled(structure: Structure, mesh: Mesh) -> Structure:
     if structure.annotation is None:
         return structure
     return replace(structure, mask=fill_mask(structure, mesh), annotation=None)
-
-
-def _paste(plane: BoolArray, part: BoolArray, offset: IntArray) -> None:
-    """Copy a part (a, b) into a plane from an offset on, as far as it lies in it."""
-    low = np.maximum(offset, 0)
-    high = np.minimum(offset + part.shape, plane.shape)
-    there, here = (tuple(map(slice, low - start, high - start)) for start in (np.zeros(2, int), offset))
-    plane[there] = part[here]

@@ -10,13 +10,12 @@ from typing import Any, TypeAlias, cast
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.load import existing
 from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
 from cccd.request import Request
-from cccd.settings.messages import nearest
 
 __all__ = ["Label", "Threshold", "check_rule", "holds_series", "name_of", "refuse_image", "request_for"]
 

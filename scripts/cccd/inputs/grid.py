@@ -11,11 +11,12 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 import scipy
+from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.inputs.coarser_grid import CoarserGrid
-from cccd.tolerances import FLATTEST, ORTHOGONALITY, SAME_GRID_VOXELS, SAME_SPACING
+from cccd.tolerances import ORTHOGONALITY
 
 __all__ = [
     "LPS_TO_RAS",
@@ -24,6 +25,7 @@ __all__ = [
     "check_affine",
     "crop",
     "even_grid",
+    "farthest_apart",
     "find_slice_axis",
     "interpolate_on_grid",
     "on_grid",
@@ -32,6 +34,12 @@ __all__ = [
 
 #: LPS and RAS differ by the sign of the first two axes.
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
+#: Tilted slices lie no flatter than this share of the distance between their first pixels (70 degrees).
+FLATTEST = 1 / 3
+#: Two grids are the same when their affines agree to this share of a voxel at every corner.
+SAME_GRID_VOXELS = 0.05
+#: Spacings that differ by less than this share count as equal when the slice axis is chosen.
+SAME_SPACING = 0.05
 
 
 @dataclass
@@ -204,10 +212,15 @@ def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]
 
 def same_grid(first: FloatArray, second: FloatArray, shape: tuple[int, ...]) -> bool:
     """Whether two affines (4, 4) agree at every corner of a grid to `SAME_GRID_VOXELS` of a voxel."""
+    size = np.linalg.norm(first[:3, :3], axis=0).min()
+    return bool(farthest_apart(first, second, shape) <= SAME_GRID_VOXELS * size)
+
+
+def farthest_apart(first: FloatArray, second: FloatArray, shape: tuple[int, ...]) -> float:
+    """Largest distance in mm between the places where two affines (4, 4) put a corner of a grid."""
     corners = np.stack(np.meshgrid(*[(0, max(n - 1, 1)) for n in shape], indexing="ij"), -1).reshape(-1, 3)
     shift = corners @ (first - second)[:3, :3].T + (first - second)[:3, 3]
-    size = np.linalg.norm(first[:3, :3], axis=0).min()
-    return bool(np.linalg.norm(shift, axis=1).max() <= SAME_GRID_VOXELS * size)
+    return float(np.linalg.norm(shift, axis=1).max())
 
 
 def on_grid(
@@ -232,18 +245,9 @@ def on_grid(
     Volume or None
         None where the voxels of the two grids do not coincide.
     """
-    linear = np.linalg.solve(affine[:3, :3], volume.affine[:3, :3])  # index in volume -> index on the grid
-    order = np.abs(linear).argmax(axis=0)  # the grid's axis along which each axis of the volume runs
-    if sorted(order) != [0, 1, 2]:
-        return None
-    turn = np.argsort(order)
-    data, moved = np.transpose(volume.data, turn), volume.affine[:, [*turn, 3]].copy()
-    for axis in range(3):
-        if linear[axis, turn[axis]] < 0:
-            data = np.flip(data, axis)
-            moved[:3, 3] += moved[:3, axis] * (data.shape[axis] - 1)
-            moved[:3, axis] *= -1
-    start = np.rint(np.linalg.solve(affine[:3, :3], moved[:3, 3] - affine[:3, 3])).astype(int)
+    turn = io_orientation(np.linalg.solve(affine, volume.affine))  # of the volume's axes on the grid
+    data, moved = apply_orientation(volume.data, turn), volume.affine @ inv_ornt_aff(turn, volume.shape)
+    start = np.rint(np.linalg.solve(affine, moved)[:3, 3]).astype(int)
     shifted = affine.copy()
     shifted[:3, 3] += affine[:3, :3] @ start
     if not same_grid(shifted, moved, data.shape):
@@ -251,15 +255,13 @@ def on_grid(
     low, high = np.maximum(start, 0), np.minimum(start + data.shape, shape)
     if (high <= low).any():
         return None
-    here = tuple(slice(a, b) for a, b in zip(low, high, strict=True))
     there = tuple(slice(a, b) for a, b in zip(low - start, high - start, strict=True))
     if fill is None:
         covers = (low == 0).all() and (high == shape).all()
         return replace(volume, data=data[there], affine=affine) if covers else None
     if np.count_nonzero(data != fill) != np.count_nonzero(data[there] != fill):
         return None
-    placed = np.full(shape, fill, data.dtype)
-    placed[here] = data[there]
+    placed = np.pad(data[there], list(zip(low, shape - high, strict=True)), constant_values=fill)
     return replace(volume, data=placed, affine=affine)
 
 

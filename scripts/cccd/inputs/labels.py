@@ -6,8 +6,7 @@ import re
 from collections.abc import Collection
 from pathlib import Path
 
-from cccd.errors import InputError
-from cccd.settings.messages import choices, nearest
+from cccd.errors import InputError, choices, nearest
 
 __all__ = ["choose_labels", "freesurfer_labels", "plain_name"]
 

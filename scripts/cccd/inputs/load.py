@@ -15,7 +15,7 @@ import numpy as np
 
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
 from cccd.dicom_objects import dicom_modality, object_in, referenced_series
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
@@ -41,12 +41,9 @@ from cccd.inputs.row_files import (
     read_image,
     read_mask,
 )
-from cccd.layouts import completed
-from cccd.lookup import find
-from cccd.plugins import table
-from cccd.request import Request
+from cccd.plugins import find, table
+from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import nearest
 from cccd.sidecar_files import voxel_files
 
 __all__ = [
@@ -288,13 +285,11 @@ def _scan_of_voxels(
             layers[name], notes = _move_to_grid(volume, grid, settings.resample)
             warnings += notes
     if mask is not None:
-        layers |= _mask_layers(layers["mask"]) | {"names": mask.names}
-    if "mask" in paths and boundary is None:
-        uneven = any(volume is not None and volume.uneven for volume in (mask, image))
-        rule = NONEMPTY if request.annotated == AUTO and uneven else request.annotated
-        layers["annotated"] = rule
-        if mask is not None:
+        if "mask" in paths and boundary is None:
+            uneven = any(volume is not None and volume.uneven for volume in (mask, image))
+            layers["annotated"] = NONEMPTY if request.annotated == AUTO and uneven else request.annotated
             layers["coarser"] = _coarser(mask, layers["mask"], grid)
+        layers |= _mask_layers(layers["mask"]) | {"names": mask.names}
     return Scan(frame_of(grid, settings), **layers, provenance=provenance, warnings=warnings)
 
 
@@ -444,31 +439,31 @@ def _on_coarser_grid(scan: Scan, location: str) -> Scan:
 def _crop(scan: Scan, request: Request) -> Structure:
     """Crop a scan to its organ with a margin on every side."""
     scan = _on_coarser_grid(scan, request.location)
-    # Beyond the slices that were drawn the organ may go on as far as their widest gap.
-    frame = scan.frame
+    frame, warnings = scan.frame, list(scan.warnings)
+    axis = frame.slice_axis
     if scan.contours is None:
         first, last, slices = _extent_of_voxels(scan)
-        warnings = scan.warnings + _cut_notes(frame, first, last)
+        warnings += _cut_notes(frame, first, last)
     else:
         first, last, slices = _extent_of_contours(scan.contours, frame)
-        along = np.arange(3) == frame.slice_axis  # how far an image reaches to the sides is not always known
-        warnings = scan.warnings + _cut_notes(frame, np.where(along, first, 1), np.where(along, last, 0))
+        along = np.arange(3) == axis  # how far an image reaches to the sides is not always known
+        warnings += _cut_notes(frame, np.where(along, first, 1), np.where(along, last, 0))
     if slices < FEW_SLICES:
-        lies = f"{request.organ} lies on {slices} slice{'s'[: slices > 1]} along axis {frame.slice_axis}"
-        warnings = [*warnings, f"{lies}: where it ends above and below is a guess"]
+        lies = f"{request.organ} lies on {slices} slice{'s'[: slices > 1]} along axis {axis}"
+        warnings.append(f"{lies}: where it ends above and below is a guess")
     annotation = _annotation(scan, first, last, request.location)
-    empty = int(last[frame.slice_axis] - first[frame.slice_axis]) + 1 - slices
+    empty = int(last[axis] - first[axis]) + 1 - slices
     if empty and annotation is None and scan.contours is None:
         between = f"{empty} slice{'s'[: empty > 1]} between the organ's first and last"
-        warnings = [*warnings, f"{between} {'are' if empty > 1 else 'is'} empty: filled from the others"]
-    warnings = warnings + _size_notes(frame, first, last, request.location)
+        warnings.append(f"{between} {'are' if empty > 1 else 'is'} empty: filled from the others")
+    warnings += _size_notes(frame, first, last, request.location)
     margin = MARGIN_VOXELS if scan.region is None else _REGION_MARGIN_VOXELS
     first, last = first - margin, last + margin
-    if annotation is not None:
-        warnings = [*warnings, annotation_note(annotation, frame, scan.annotated)]
+    if annotation is not None:  # beyond the drawn slices the organ may go on as far as their widest gap
+        warnings.append(annotation_note(annotation, frame, scan.annotated))
         widest = int(np.diff(annotation.slices).max())
-        first[frame.slice_axis] -= widest
-        last[frame.slice_axis] += widest
+        first[axis] -= widest
+        last[axis] += widest
     image, mask, region, boundary = (
         None if array is None else crop(array, first, last)
         for array in (scan.image, scan.mask, scan.region, scan.boundary)
@@ -478,11 +473,11 @@ def _crop(scan: Scan, request: Request) -> Structure:
         inside = crop(np.ones(frame.shape, bool), first, last)
         probability = np.where(inside, crop(scan.probability, first, last), np.float32(0))
     if region is not None and scan.mask is not None and mask is not None:
-        outside = np.count_nonzero(scan.mask) - np.count_nonzero(mask)
+        outside = int(np.count_nonzero(scan.mask)) - int(np.count_nonzero(mask))
         note = f"{outside} voxels of the ground truth lie outside the crop, and are not scored"
-        warnings = [*warnings, note] if outside else warnings
+        warnings += [note] * (outside > 0)
     if annotation is not None and mask is not None:
-        drawn = np.isin(np.arange(mask.shape[frame.slice_axis]) + first[frame.slice_axis], annotation.slices)
+        drawn = np.isin(np.arange(mask.shape[axis]) + first[axis], annotation.slices)
         mask &= np.expand_dims(drawn, frame.in_plane_axes)
     return Structure(
         case=request.case,

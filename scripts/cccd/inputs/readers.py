@@ -10,7 +10,7 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,17 +22,18 @@ from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
-from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
-from cccd.inputs.limits import LIMITS, Limits, check_size
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, farthest_apart
+from cccd.plugins import find, table
 from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
 if TYPE_CHECKING:
     import SimpleITK as sitk  # noqa: N813
 
 __all__ = [
+    "MOST",
     "SUFFIXES",
+    "check_count",
+    "check_size",
     "dataset_names",
     "guarded",
     "is_zarr",
@@ -76,6 +77,14 @@ _OTHERWISE = {
     ),
     ".pkl": ("nnU-Net's properties of a scan, not a volume", "give the .npz next to it"),
 }
+#: What a file may ask for: a damaged or hostile header must not fill the memory.
+MOST = {
+    "slices": 20_000,  # of a volume, or images of a series: several times a whole body at half a millimetre
+    "pixels": 100_000_000,  # of one slice, 10,000 squared: micrographs have fewer
+    "voxels": 4_000_000_000,  # 8 GB: a packed file of some megabytes can promise a thousand times its size
+    "contours": 100_000,  # of one region (RTSTRUCT): dozens on every slice of a whole body
+    "contour_points": 20_000_000,  # of all these contours, some hundred each: half a gigabyte
+}
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
 #: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
@@ -112,7 +121,7 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
         raise InputError(location, f"{problem} ({reason})", hint) from None
 
 
-def read_volume(path: Path, limits: Limits = LIMITS) -> Volume:
+def read_volume(path: Path) -> Volume:
     """Read a volume from one file, by its name: nibabel for NIfTI, Analyze and MGH, SimpleITK for all else.
 
     Raises
@@ -131,7 +140,45 @@ def read_volume(path: Path, limits: Limits = LIMITS) -> Volume:
     for suffix, (problem, hint) in _OTHERWISE.items():
         if path.name.lower().endswith(suffix):
             raise InputError(path.name, problem, hint)
-    return (read_nifti if path.name.lower().endswith(_NIFTI) else read_itk)(path, limits)
+    return (read_nifti if path.name.lower().endswith(_NIFTI) else read_itk)(path)
+
+
+def check_count(count: int, name: str, location: str) -> None:
+    """Refuse more of something than `MOST` allows, before it is read.
+
+    Examples
+    --------
+    >>> check_count(20_007, "slices", "a.nii")
+    Traceback (most recent call last):
+    ...
+    cccd.errors.InputError: a.nii: it has 20007 slices, and 20000 are allowed; mend its header, or give a \
+part of it
+    """
+    if count > MOST[name]:
+        problem = f"it has {count} {name.replace('_', ' ')}, and {MOST[name]} are allowed"
+        raise InputError(location, problem, "mend its header, or give a part of it")
+
+
+def check_size(shape: Sequence[int], location: str) -> None:
+    """Refuse a volume with more slices, larger slices or more voxels than `MOST` allows.
+
+    Parameters
+    ----------
+    shape : sequence of int
+        Voxels along each axis, as a header says, the last across slices; axes of colours or times included.
+    location : str
+        What messages name.
+
+    Raises
+    ------
+    InputError
+        Names the limit.
+    """
+    sizes = [int(size) for size in shape]
+    voxels, slices = math.prod(sizes), sizes[-1] if sizes else 1
+    check_count(slices, "slices", location)
+    check_count(voxels // max(slices, 1), "pixels", location)
+    check_count(voxels, "voxels", location)
 
 
 def _spatial(data: AnyArray, location: str) -> AnyArray:
@@ -188,7 +235,7 @@ def _voxel_file(path: Path) -> Path | None:
     return path.parent / name
 
 
-def read_nifti(path: Path, limits: Limits = LIMITS) -> Volume:
+def read_nifti(path: Path) -> Volume:
     """Read NIfTI-1/2, Analyze or MGH with nibabel, scaled as its header says.
 
     The affine is the sform where it is set, otherwise the qform.
@@ -204,7 +251,7 @@ def read_nifti(path: Path, limits: Limits = LIMITS) -> Volume:
         if not isinstance(image, SpatialImage):
             raise InputError(location, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, location)
-    check_size(image.shape[:3], limits, location)
+    check_size(image.shape[:3], location)
     with guarded(location, "damaged or truncated", "copy or download the file again"):
         voxels = Path(image.file_map["image"].filename or path)
         ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
@@ -227,15 +274,13 @@ def _two_places(image: SpatialImage, location: str) -> list[str]:
     sform, qform = image.get_sform(coded=True)[0], image.get_qform(coded=True)[0]
     if sform is None or qform is None:
         return []
-    corners = np.indices((2, 2, 2)).reshape(3, -1) * (np.array(image.shape[:3])[:, None] - 1)
-    moved = (sform - qform) @ np.vstack([corners, np.ones(8)])
-    apart = float(np.linalg.norm(moved, axis=0).max())
+    apart = farthest_apart(sform, qform, image.shape[:3])
     if apart < 0.5 * np.linalg.norm(sform[:3, :3], axis=0).min():
         return []
     return [f"{location}: its sform and qform put it up to {apart:.3g} mm apart; the sform is used"]
 
 
-def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
+def read_itk(path: Path) -> Volume:
     """Read NRRD, MHA/MHD or another format of SimpleITK.
 
     Raises
@@ -252,7 +297,7 @@ def read_itk(path: Path, limits: Limits = LIMITS) -> Volume:
         known = location.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
         voxels = _voxel_file(path) if known else path
         reader.ReadImageInformation()
-        check_size(reader.GetSize(), limits, location)
+        check_size(reader.GetSize(), location)
         if voxels is not None:
             _check_promise(math.prod(map(int, reader.GetSize())), _DEFLATE_RATIO, voxels)
         image = reader.Execute()

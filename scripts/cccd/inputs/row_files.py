@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 import numpy as np
 
 from cccd.dicom_objects import dicom_modality
-from cccd.errors import EarlyWarning, InputError
+from cccd.errors import EarlyWarning, InputError, choices, nearest
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
@@ -20,11 +20,8 @@ from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilit
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.labels import choose_labels, freesurfer_labels
 from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.request import Request
-from cccd.settings.messages import choices, nearest
-from cccd.tolerances import LABEL_VALUE, PROBABILITY
 
 __all__ = [
     "EACH_ITS_OWN",
@@ -45,6 +42,10 @@ __all__ = [
 _Read = TypeVar("_Read")
 #: Voxels that are compared with whole numbers at once: they stay in the processor's cache.
 _PIECE = 2**16
+#: Values of a floating-point label map may differ by this from whole numbers.
+_LABEL_VALUE = 1e-3
+#: Probabilities may lie so far below 0 or above 1, by rounding.
+_PROBABILITY = 1e-3
 _GIVE_MASKS = "give a label volume, or a folder of masks"
 
 
@@ -161,7 +162,7 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
         mask = files.read(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
-        return _with_coarser_grid(mask, mask.data)
+        return _with_coarser_grid(mask)
     if _is_nnunet(path):
         classes = files.read(find(table("READERS")["nnU-Net"].read), path)
         return _field_or_mask(classes.of_organ(label, organ))
@@ -255,7 +256,7 @@ def _read_mask_folder(folder: Path, label: str) -> Volume:
             )
         warnings = united.warnings + volume.warnings
         united = replace(aligned, data=np.maximum(united.data, aligned.data), warnings=warnings)
-    return united if len(files) == 1 else _with_coarser_grid(united, united.data)
+    return united if len(files) == 1 else _with_coarser_grid(united)
 
 
 @dataclass(frozen=True, eq=False)
@@ -372,12 +373,12 @@ class RowFiles:
 EACH_ITS_OWN = RowFiles()
 
 
-def _with_coarser_grid(mask: Volume, labels: AnyArray) -> Volume:
-    """Note which grid a mask, and all labels (a, b, c) of its file, were copied from."""
+def _with_coarser_grid(mask: Volume) -> Volume:
+    """Note which grid a mask was copied from."""
     if mask.data.dtype != bool:
         return mask
     spacing = np.linalg.norm(mask.affine[:3, :3], axis=0)
-    return replace(mask, coarser=find_coarser_grid(labels, spacing))
+    return replace(mask, coarser=find_coarser_grid(mask.data, spacing))
 
 
 #: So many labels are named in a message.
@@ -432,11 +433,11 @@ def _whole_numbers(data: AnyArray, location: str) -> tuple[AnyArray, bool]:
         )
     # as it lies in memory, piece by piece: copies of a whole volume take longer than reading it
     pieces = np.array_split(data.ravel(order="K"), 1 + data.size // _PIECE)
-    if max(np.abs(piece - np.rint(piece)).max(initial=0) for piece in pieces) <= LABEL_VALUE:
+    if max(np.abs(piece - np.rint(piece)).max(initial=0) for piece in pieces) <= _LABEL_VALUE:
         whole = np.rint(data, out=np.empty_like(data, np.int32), casting="unsafe")
         refuse_grey_values(whole, location)
         return whole, False
-    if data.min() < -PROBABILITY or data.max() > 1 + PROBABILITY:
+    if data.min() < -_PROBABILITY or data.max() > 1 + _PROBABILITY:
         raise InputError(
             location,
             f"its values, {data.min():.4g} to {data.max():.4g}, are neither labels nor probabilities",

@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import ValidationError, create_model
 
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings

@@ -14,8 +14,7 @@ import yaml
 from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
-from cccd.errors import InputError
-from cccd.settings.messages import nearest
+from cccd.errors import InputError, nearest
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.section import Section
 

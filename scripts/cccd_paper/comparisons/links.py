@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
+
+from cccd.geometry.arrays import connected_parts
 
 __all__ = ["LinkCounts", "closed_order", "count_links", "enclosed_region", "unique_links"]
 
@@ -47,12 +47,6 @@ def unique_links(links: np.ndarray) -> np.ndarray:
     return np.unique(links[links[:, 0] < links[:, 1]], axis=0)
 
 
-def _pieces(links: np.ndarray, n_points: int) -> np.ndarray:
-    """Return the number of every point's connected piece, (N,)."""
-    graph = coo_array((np.ones(len(links), bool), (links[:, 0], links[:, 1])), shape=(n_points, n_points))
-    return connected_components(graph, directed=False)[1]
-
-
 def count_links(links: np.ndarray, n_points: int) -> LinkCounts:
     """Count pieces, gaps, open ends and junctions of links between ``n_points`` points.
 
@@ -64,7 +58,8 @@ def count_links(links: np.ndarray, n_points: int) -> LinkCounts:
     2
     """
     degree = np.bincount(links.ravel(), minlength=n_points)
-    connected = len(np.unique(_pieces(links, n_points)[degree > 0])) if len(links) else 0
+    one, other = links.reshape(-1, 2).T
+    connected = len(np.unique(connected_parts(one, other, n_points)[degree > 0]))
     open_ends = int(np.count_nonzero(degree == 1))
     junctions = int(np.count_nonzero(degree > 2))
     whole = connected == 1 and open_ends == 0

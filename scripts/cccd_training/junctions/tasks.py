@@ -14,8 +14,7 @@ from torch_geometric.data import HeteroData
 from torch_geometric.loader import DataLoader
 
 from cccd.geometry.arrays import BoolArray
-from cccd.lookup import find
-from cccd.plugins import table
+from cccd.plugins import find, table
 from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.inference import SLICES_PER_BATCH
 from cccd_junctions.labelling import label_slice

@@ -7,16 +7,14 @@ from pathlib import Path
 
 import numpy as np
 
-from cccd.errors import InputError
+from cccd.errors import InputError, choices
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
 from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
-from cccd.layouts import completed
-from cccd.request import Request
+from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
-from cccd.settings.messages import choices
 from cccd_datasets.whole_scans import read_scan, scan_phantom
 from cccd_training.segmentation.examples import LabelledScan
 

@@ -11,10 +11,8 @@ from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
 from cccd.dicom_objects import holds_contours, object_in
-from cccd.errors import InputError
-from cccd.layouts import completed
-from cccd.request import Request
-from cccd.settings.messages import nearest
+from cccd.errors import InputError, nearest
+from cccd.request import Request, completed
 from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
 from cccd_workflow.remote import RemoteFile, is_remote, read_address

@@ -7,9 +7,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from cccd.errors import InputError
+from cccd.errors import InputError, nearest
 from cccd.plugins import table
-from cccd.settings.messages import nearest
 from cccd.settings.root import Settings
 from cccd_networks.model_header import check_model, check_start, read_segmenter_plan
 from cccd_segmentation.networks import networks

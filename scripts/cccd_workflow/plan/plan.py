@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.errors import InputError
-from cccd.layouts import IMAGES_ALONE
 from cccd.plugins import folders, table
 from cccd.project import PROJECT
+from cccd.request import IMAGES_ALONE
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config

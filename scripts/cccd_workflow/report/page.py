@@ -20,7 +20,7 @@ from markupsafe import Markup
 
 from cccd.console import duration
 from cccd.geometry.mesh import Mesh
-from cccd.lookup import find
+from cccd.plugins import find
 from cccd_viewers.page_files import View
 from cccd_viewers.viewer import case_figure, packed, surface_figure
 from cccd_workflow.report.html_tables import Table, table

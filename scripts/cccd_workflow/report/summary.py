@@ -8,7 +8,7 @@ from typing import Any
 
 import pandas as pd
 
-from cccd.lookup import find
+from cccd.plugins import find
 from cccd.store import read_json, read_table
 from cccd_workflow.report.measures import MEASURES
 from cccd_workflow.report.registry import Item, comparisons, items

@@ -9,7 +9,6 @@ from support.scans import row, settings
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
-from cccd.tolerances import PROJECTION_MM
 from cccd_datasets.implicit_solids import (
     capsule,
     ellipsoid,
@@ -156,7 +155,7 @@ def test_sampling_is_exact_at_the_surface():
 def test_mesh_lies_on_the_zero_set():
     field = ellipsoid((1, -2, 3), (15, 15, 15))
     ball = mesh_zero_set(field, np.full(3, -20.0), np.full(3, 22.0), 2.0)
-    assert np.abs(field(ball.vertices.T)).max() < PROJECTION_MM
+    assert np.abs(field(ball.vertices.T)).max() < 1e-4
     mesh = ball.to_trimesh()
     assert mesh.is_watertight
     assert mesh.volume == pytest.approx(4 / 3 * np.pi * 15**3, rel=0.01)

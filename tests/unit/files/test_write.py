@@ -15,8 +15,7 @@ from support.shapes import SETTINGS, ball, curves_of, fork
 from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
-from cccd.files.options import ExportOptions
-from cccd.files.write import write_surface
+from cccd.files.write import ExportOptions, write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.formats import FORMATS

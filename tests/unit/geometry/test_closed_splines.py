@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import BSpline
 from support.known_curves import random_spline
 
-from cccd.geometry import closed_splines
+from cccd.geometry.closed_splines import evaluate
 
 
 @settings(max_examples=40, deadline=None)
@@ -15,9 +15,5 @@ def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
     assert len(knots) == count + 7
     curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
     u = np.linspace(knots[3], knots[-4], 101)[:-1]
-    assert closed_splines.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
+    assert evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
     assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)
-    sampled = closed_splines.sample_ragged(
-        np.vstack([control, control]), np.array([0, count, 2 * count]), np.tile(knots, 2), np.array([7, 100])
-    )
-    assert sampled[7:] == pytest.approx(curve(u), abs=1e-9)

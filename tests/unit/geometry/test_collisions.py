@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from trimesh import creation
 
-from cccd.geometry.collisions import MovingTriangles, passing_pairs
-from cccd.geometry.patches import may_cross
+from cccd.geometry.collisions import MovingTriangles, may_cross, passing_pairs
 
 
 def found(pairs):

@@ -22,8 +22,7 @@ from cccd import store
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import load_structure
-from cccd.inputs.limits import Limits
-from cccd.inputs.readers import read_volume
+from cccd.inputs.readers import MOST, read_volume
 from cccd_dicom.readers import Regions, Segments, read_series
 from cccd_dicom.rtstruct import write_rtstruct
 from cccd_viewers.viewer import case_figure
@@ -133,15 +132,16 @@ def asks(folder, kind):
         ("rtstruct", "contour_points", 20),
     ],
 )
-def test_what_a_file_may_ask_for(tmp_path, kind, limit, most):
+def test_what_a_file_may_ask_for(monkeypatch, tmp_path, kind, limit, most):
     columns = asks(tmp_path, kind)
     load_structure(row(**columns), tmp_path, settings())
-    path, limits = tmp_path / (columns["image"] or columns["mask"]), Limits(**{limit: most - 1})
+    path = tmp_path / (columns["image"] or columns["mask"])
+    monkeypatch.setitem(MOST, limit, most - 1)
     read = {
-        "series": lambda: read_series(path, limits=limits),
-        "seg": lambda: Segments.read(path, limits).mask("", "organ", None),
-        "rtstruct": lambda: Regions.read(path, limits).contours("", "organ"),
-    }.get(kind, lambda: read_volume(path, limits))
+        "series": lambda: read_series(path),
+        "seg": lambda: Segments.read(path).mask("", "organ", None),
+        "rtstruct": lambda: Regions.read(path).contours("", "organ"),
+    }.get(kind, lambda: read_volume(path))
     with pytest.raises(InputError, match="are allowed; mend its header, or give a part") as caught:
         read()
     assert "\n" not in str(caught.value)

@@ -6,8 +6,7 @@ import sys
 from pathlib import Path
 from typing import get_args
 
-from cccd.lookup import find
-from cccd.plugins import folders
+from cccd.plugins import find, folders
 from cccd.settings.root import whole_settings
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings

@@ -15,9 +15,8 @@ from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
-from cccd.layouts import completed
 from cccd.project import PROJECT
-from cccd.request import Request
+from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd_segmentation.external import run_external
 from cccd_segmentation.model import load_segmenter

@@ -8,8 +8,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from cccd.errors import InputError
-from cccd.settings.messages import nearest
+from cccd.errors import InputError, nearest
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.validation import validate_config
 

@@ -12,8 +12,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
 from support.control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
 
 from cccd.containers import Frame
-from cccd.files.options import ExportOptions
-from cccd.files.write import write_surface
+from cccd.files.write import ExportOptions, write_surface
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.surface.control_mesh import split_to_quads
 from cccd.surface.surface import LoftedSurface

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
+from cccd.geometry.arrays import connected_parts
 from cccd.tolerances import ROUNDING
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.adjustment import adjust_boundary
@@ -27,6 +26,6 @@ def sigdt(points: np.ndarray) -> np.ndarray:
     meet = mesh.length <= reach[mesh.edges].sum(1) * (1 + ROUNDING)
     if not len(mesh.triangles):
         return mesh.edges[meet]
-    graph = coo_array((meet[meet], tuple(mesh.edges[meet].T)), shape=(len(points), len(points)))
-    piece = connected_components(graph, directed=False)[1]
-    return unique_links(mesh.edges[adjust_boundary(mesh, meet, piece.astype(np.int64))])
+    one, other = mesh.edges[meet].T
+    piece = connected_parts(one, other, len(points))
+    return unique_links(mesh.edges[adjust_boundary(mesh, meet, piece)])
