@@ -32,8 +32,8 @@ COARSEST, COARSER = 150, 5
 FEWEST = 100
 #: Triangles that are chosen from: so many times those that it begins with.
 SPARE = 16
-#: Then the spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 5 % farther from the
-#: truth, with .01 no nearer. A triangle that is n times as far off becomes n, at most so many.
+#: Then the spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 5 % farther from
+#: the truth, with .01 no nearer. A triangle that is n times as far off becomes n, at most so many.
 OFF_VOXELS, MOST_SPLIT = 0.02, 10.0
 #: Where the surface is amiss a triangle becomes so many.
 AMISS_SPLIT = 4.0
