@@ -167,14 +167,6 @@ def test_the_same_curves_give_the_same_splines_in_any_company(blob, curves_of):
         assert np.array_equal(alone.knots, knots)
 
 
-def test_nothing_and_nonsense(curves_of):
-    nothing = fit_splines(curves_of())
-    assert len(nothing) == len(nothing.sample()) == 0
-    for bad in ({"tolerance_px": 0}, {"max_control_points": 0}):
-        with pytest.raises(ValueError, match="greater than 0"):
-            CurveSettings(**bad)
-
-
 # The paper's splines --------------------------------------------------------------------------------
 
 

@@ -6,7 +6,7 @@ from scipy.interpolate import BSpline
 from support.known_curves import random_spline
 
 from cccd.curves import periodic
-from cccd.geometry.closed_splines import evaluate, extend_knots
+from cccd.geometry.closed_splines import extend_knots
 
 
 @settings(max_examples=40, deadline=None)
@@ -22,13 +22,6 @@ def test_least_squares_is_that_of_the_wrapped_design_matrix(seed, count):
     best = points - wrapped @ np.linalg.lstsq(wrapped, points)[0]
     found = points - wrapped @ periodic.least_squares(knots, count, points, u)
     assert np.sum(found**2) == pytest.approx(np.sum(best**2), rel=1e-5)
-
-
-def test_points_on_a_spline_give_it_back():
-    knots, control, rng = random_spline(3, 12)
-    u = np.sort(rng.uniform(knots[3], knots[-4], 300))
-    found = periodic.least_squares(knots, 12, evaluate(knots, control, u), u)
-    assert found == pytest.approx(control, abs=1e-3)
 
 
 def test_foot_points_are_nearest_points():
