@@ -252,6 +252,7 @@ def ward(hospital, tmp_path):
 
 
 IMAGE = {"image": "dicom", "mask": "mask.nii"}
+SEG, RT = {"mask": "seg.dcm"}, {"mask": "rt.dcm"}
 
 
 def test_missing_slices(ward):
@@ -269,35 +270,6 @@ def test_uneven_slices(tmp_path):
     refused(tmp_path, "unevenly spaced", columns=IMAGE, fill_gaps=False)
 
 
-def test_two_time_points(ward):
-    for path in sorted((ward / "dicom").iterdir()):
-        dataset = pydicom.dcmread(path)
-        dataset.SOPInstanceUID += ".1"
-        dataset.save_as(path.with_name(f"again{path.name}"))
-    refused(ward, "several images lie at the position", columns=IMAGE)
-
-
-def test_two_series_in_a_folder(ward):
-    write_series(ward / "dicom" / "b", grey(MASK > 0), dicom_affine(), uid="second")
-    refused(ward, "2 DICOM series", "b (CT series 1, 14 images)", columns=IMAGE)
-
-
-def test_mixed_geometry(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
-    dataset = pydicom.dcmread(path)
-    dataset.PixelSpacing = ["1.0", "1.0"]
-    dataset.save_as(path)
-    refused(ward, "differs", "PixelSpacing", columns=IMAGE)
-
-
-def test_no_position(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
-    dataset = pydicom.dcmread(path)
-    del dataset.ImagePositionPatient
-    dataset.save_as(path)
-    refused(ward, "no ImagePositionPatient", columns=IMAGE)
-
-
 def test_tilted_gantry_and_a_mask_on_another_grid(tmp_path):
     affine = dicom_affine()
     affine[1, 2] += 1.5
@@ -306,36 +278,80 @@ def test_tilted_gantry_and_a_mask_on_another_grid(tmp_path):
     refused(tmp_path, "its grid", "is not that of", columns=IMAGE)
 
 
-def test_truncated_slice(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
+def without(*numbers):
+    """Removes slices of the series."""
+    return lambda ward: [(ward / "dicom" / f"{number:03d}.dcm").unlink() for number in numbers]
+
+
+def edited(change):
+    """Changes the header of a slice."""
+
+    def edit(ward):
+        dataset = pydicom.dcmread(ward / "dicom" / "021.dcm")
+        change(dataset)
+        dataset.save_as(ward / "dicom" / "021.dcm")
+
+    return edit
+
+
+def second_time_point(ward):
+    for path in sorted((ward / "dicom").iterdir()):
+        dataset = pydicom.dcmread(path)
+        dataset.SOPInstanceUID += ".1"
+        dataset.save_as(path.with_name(f"again{path.name}"))
+
+
+def second_series(ward):
+    write_series(ward / "dicom" / "b", grey(MASK > 0), dicom_affine(), uid="second")
+
+
+def truncated_slice(ward):
+    path = ward / "dicom" / "021.dcm"
     path.write_bytes(path.read_bytes()[:-500])
-    refused(ward, path.name, "cannot be decoded", columns=IMAGE)
 
 
-def test_folder_without_dicom(ward):
+def no_slices(ward):
     shutil.rmtree(ward / "dicom")
     (ward / "dicom").mkdir()
     (ward / "dicom" / "notes.txt").write_text("no scan")
-    refused(ward, "no DICOM images in this folder", columns=IMAGE)
 
 
-def test_ct_slice_as_mask(ward):
-    refused(ward, "DICOM CT, not a mask", columns={"image": "dicom", "mask": "dicom/007.dcm"})
+#: What is done to the ward, what the row names, and what the line says.
+WARD = {
+    "two time points": (second_time_point, IMAGE, ["several images lie at the position"]),
+    "two series": (second_series, IMAGE, ["2 DICOM series", "b (CT series 1, 14 images)"]),
+    "mixed geometry": (
+        edited(lambda dataset: setattr(dataset, "PixelSpacing", ["1.0", "1.0"])),
+        IMAGE,
+        ["differs", "PixelSpacing"],
+    ),
+    "no position": (
+        edited(lambda dataset: delattr(dataset, "ImagePositionPatient")),
+        IMAGE,
+        ["no ImagePositionPatient"],
+    ),
+    "a truncated slice": (truncated_slice, IMAGE, ["021.dcm", "cannot be decoded"]),
+    "a folder without DICOM": (no_slices, IMAGE, ["no DICOM images in this folder"]),
+    "a slice as mask": (without(), IMAGE | {"mask": "dicom/007.dcm"}, ["DICOM CT, not a mask"]),
+    "a SEG of slices that are not there": (
+        without(49, 56, 63, 70, 77, 84, 91),
+        IMAGE | {"mask": "seg.dcm"},
+        ["seg.dcm: it refers to", "that dicom does not have"],
+    ),
+    "no such segment": (without(), SEG | {"label": "liver"}, ["no segment 'liver'", "1 (organ)"]),
+    "no such ROI": (without(), RT | {"label": "liver"}, ["no ROI 'liver'", "1 (organ)"]),
+    "a boundary map beside contours": (
+        nifti(MASK, dicom_affine(), "edges.nii"),
+        RT | {"boundary": "edges.nii"},
+        ["boundary"],
+    ),
+}
 
 
-def test_seg_of_slices_that_are_not_there(ward):
-    for name in ("049.dcm", "056.dcm", "063.dcm", "070.dcm", "077.dcm", "084.dcm", "091.dcm"):
-        (ward / "dicom" / name).unlink()
-    refused(
-        ward,
-        "seg.dcm: it refers to",
-        "that dicom does not have",
-        columns={"image": "dicom", "mask": "seg.dcm"},
-    )
-
-
-def test_seg_without_that_segment(ward):
-    refused(ward, "no segment 'liver'", "1 (organ)", columns={"mask": "seg.dcm", "label": "liver"})
+@pytest.mark.parametrize(("spoil", "columns", "parts"), WARD.values(), ids=WARD)
+def test_bad_dicom(ward, spoil, columns, parts):
+    spoil(ward)
+    refused(ward, *parts, columns=columns)
 
 
 def test_truncated_seg_and_rtstruct(ward):
@@ -345,29 +361,31 @@ def test_truncated_seg_and_rtstruct(ward):
         refused(ward, name, columns={"mask": name, "image": "dicom"})
 
 
-def test_rtstruct_without_that_roi(ward):
-    refused(ward, "no ROI 'liver'", "1 (organ)", columns={"mask": "rt.dcm", "label": "liver"})
-
-
 def drawn(folder, contours, *parts, kind="CLOSED_PLANAR", **columns):
     write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
     refused(folder, "rt.dcm: ", *parts, columns={"mask": "rt.dcm", **columns})
 
 
-def test_open_contours(tmp_path):
-    drawn(tmp_path, [circle(z) for z in range(5)], "open contour", kind="OPEN_PLANAR")
+RINGS = [circle(z) for z in range(5)]
+CROSSED = np.array([(0, 0, 5), (10, 10, 5), (10, 0, 5), (0, 10, 5)], float)
+HOLED = changed(circle(2), 3, np.nan)
+#: Contours, how they are drawn, and what the line says.
+CONTOURS = {
+    "open": (RINGS, "OPEN_PLANAR", "open contour"),
+    "points": ([ring[:1] for ring in RINGS], "POINT", "points only"),
+    "crossed": ([*RINGS, CROSSED], "CLOSED_PLANAR", "crosses itself"),
+    "two that cross": ([*RINGS, circle(3, centre=(12.0, 0.0))], "CLOSED_PLANAR", "cross each other"),
+    "in other planes": ([*RINGS, circle(4)[:, [2, 0, 1]]], "CLOSED_PLANAR", "parallel planes"),
+    "lines": ([ring[:2] for ring in RINGS], "CLOSED_PLANAR", "encloses an area"),
+    "turning lines": ([circle(z)[[z, z + 10]] for z in range(5)], "CLOSED_PLANAR", "encloses an area"),
+    "a line": ([circle(0)[:2]], "CLOSED_PLANAR", "encloses an area"),
+    "not finite": ([*RINGS[:2], HOLED, *RINGS[3:]], "CLOSED_PLANAR", "not finite"),
+}
 
 
-@pytest.mark.parametrize(
-    ("further", "problem"),
-    [
-        (np.array([(0, 0, 5), (10, 10, 5), (10, 0, 5), (0, 10, 5)], float), "crosses itself"),
-        (circle(3, centre=(12.0, 0.0)), "cross each other"),
-        (circle(4)[:, [2, 0, 1]], "parallel planes"),
-    ],
-)
-def test_contours_that_do_not_fit_together(tmp_path, further, problem):
-    drawn(tmp_path, [*map(circle, range(5)), further], problem)
+@pytest.mark.parametrize(("contours", "kind", "problem"), CONTOURS.values(), ids=CONTOURS)
+def test_bad_contours(tmp_path, contours, kind, problem):
+    drawn(tmp_path, contours, problem, kind=kind)
 
 
 def test_contours_across_the_slices(ward):
@@ -376,37 +394,10 @@ def test_contours_across_the_slices(ward):
     drawn(ward, contours, "not parallel to the image's slices", image="dicom")
 
 
-@pytest.mark.parametrize(
-    "contours",
-    [
-        [circle(z)[:2] for z in range(5)],
-        [circle(z)[[z, z + 10]] for z in range(5)],  # in many directions
-        [circle(0)[:2]],
-    ],
-)
-def test_contours_without_area(tmp_path, contours):
-    drawn(tmp_path, contours, "encloses an area")
-
-
-def test_points_only(tmp_path):
-    drawn(tmp_path, [circle(z)[:1] for z in range(5)], "points only", kind="POINT")
-
-
 def test_roi_without_contours(tmp_path):
     write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
     columns = {"mask": "rt.dcm", "label": "organ"}
     refused(tmp_path, "'organ' has no contours", "choose one of body", columns=columns)
-
-
-def test_contours_that_are_not_finite(tmp_path):
-    contours = [circle(z) for z in range(5)]
-    contours[2][3] = np.nan
-    drawn(tmp_path, contours, "not finite")
-
-
-def test_rtstruct_beside_boundary(ward):
-    write_nifti(ward / "edges.nii", MASK, dicom_affine())
-    refused(ward, "boundary", columns={"mask": "rt.dcm", "boundary": "edges.nii"})
 
 
 @pytest.mark.parametrize(
