@@ -266,6 +266,10 @@ def test_check_tells_probabilities_from_a_mask(here, capsys):
 
 WRONG = {
     "no file": ("surface livre.nii.gz", "did you mean 'liver.nii.gz'"),
+    "no scan to segment": (
+        "segment scan.nii.gz --segmenter hippocampus",
+        "Error: scan: there is no scan.nii.gz",
+    ),
     "no mesh to put on a scan": ("surface spleen.stl --like liver.nii.gz", "there is no spleen.stl"),
     "no folder": ("surface there/liver.nii.gz", "nor its folder"),
     "a folder of nothing": ("surface nothing", "no file in this folder"),

@@ -60,11 +60,6 @@ def test_a_row_with_an_image_alone_says_that_it_is_a_threshold_and_has_no_labels
         load_structure(row(image="image.nii", label="liver"), folder, settings())
 
 
-def test_empty_window(folder):
-    with pytest.raises(InputError, match=r"cohort.tsv row 2: image.nii: no region between 5000 and inf"):
-        load(folder, window=[5000, None])
-
-
 def test_picture(folder, tmp_path):
     draw_region(load(folder), tmp_path / "region.png")
     picture = imread(tmp_path / "region.png")

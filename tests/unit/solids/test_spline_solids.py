@@ -1,14 +1,8 @@
 """Control meshes as solids: faces of their own patches, planes for their caps."""
 
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
 from scipy.interpolate import BSpline
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "geometry"))
-
 from support.control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
 
 from cccd.containers import Frame
