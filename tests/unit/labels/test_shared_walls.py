@@ -1,5 +1,6 @@
 """Organs with shared walls: nothing twice, nothing left out, each closed, smooth lines where three meet."""
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -60,10 +61,14 @@ def walls_of(labels, affine=None):
     return share_walls(organs_of(labels, affine), LoftSettings())
 
 
-@pytest.fixture(scope="module", params=[half_balls, sectors, nested, shell], ids=lambda make: make.__name__)
+@functools.cache
+def organs_and_walls(make):
+    return organs_of(make()), walls_of(make())
+
+
+@pytest.fixture(params=[half_balls, sectors, nested, shell], ids=lambda make: make.__name__)
 def joined(request):
-    organs = organs_of(request.param())
-    return organs, share_walls(organs, LoftSettings())
+    return organs_and_walls(request.param)
 
 
 def solid(mesh):
@@ -110,7 +115,7 @@ def test_walls_are_smooth_up_to_the_lines_where_they_meet(joined):
 
 
 def test_a_wall_between_half_balls_is_a_plane():
-    shared = walls_of(half_balls())
+    shared = organs_and_walls(half_balls)[1]
     wall = shared.surface.wall(2, 1).vertices - CENTRE
     inner = np.hypot(wall[:, 1], wall[:, 2]) < RADIUS - 2
     assert wall[inner, 0].std() < 0.03
@@ -119,8 +124,7 @@ def test_a_wall_between_half_balls_is_a_plane():
 
 
 def test_the_line_where_three_sectors_meet_is_straight():
-    shared = walls_of(sectors())
-    surface = shared.surface
+    surface = organs_and_walls(sectors)[1].surface
     inside = surface.regions.min(axis=1) > 0
     edges = np.unique(surface.junctions)
     outer = np.unique(surface.triangles[~inside])
@@ -182,7 +186,7 @@ def test_an_organ_without_a_neighbour_is_where_it_is_alone():
     labels, settings = np.where(ball()[3] < RADIUS, 1, 0), LoftSettings()
     alone = reconstruct_mask(organs_of(labels)[1], settings).mesh
     # half of it, which shares a wall with the other half, has the same outside away from the wall
-    halves = walls_of(half_balls()).surface
+    halves = organs_and_walls(half_balls)[1].surface
     outer = Mesh(halves.vertices, halves.triangles[halves.regions[:, 1] == 0])
     points = outer.sample(5000, np.random.default_rng(0))
     assert unsigned_to_mesh(points[np.abs(points[:, 0] - CENTRE[0]) > 4], alone).mean() < 0.03
