@@ -10,26 +10,12 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from support.scans import (
-    affine_of,
-    dicom_affine,
-    grey,
-    organ,
-    outlines,
-    row,
-    settings,
-    write_enhanced,
-    write_itk,
-    write_nifti,
-    write_seg,
-    write_series,
-    write_structure_set,
-)
+from support import scans
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 
-MASK = organ().astype(np.uint8)
+MASK = scans.organ().astype(np.uint8)
 
 
 def circle(z, radius=10.0, centre=(0.0, 0.0)):
@@ -40,7 +26,7 @@ def circle(z, radius=10.0, centre=(0.0, 0.0)):
 
 def refused(folder, *parts, columns=None, **changes):
     with pytest.raises(InputError) as caught:
-        load_structure(row(**(columns or {"mask": "mask.nii"})), folder, settings(**changes))
+        load_structure(scans.row(**(columns or {"mask": "mask.nii"})), folder, scans.settings(**changes))
     message = str(caught.value)
     assert message.startswith("cohort.tsv row 2: ")
     assert "\n" not in message
@@ -55,7 +41,9 @@ def refused(folder, *parts, columns=None, **changes):
 
 def nifti(values, affine=None, name="mask.nii"):
     """Writes a volume of these values."""
-    return lambda folder: write_nifti(folder / name, values, affine_of() if affine is None else affine)
+    return lambda folder: scans.write_nifti(
+        folder / name, values, scans.affine_of() if affine is None else affine
+    )
 
 
 def content(name, data):
@@ -67,7 +55,7 @@ def cut(name, keep):
     """Writes the first bytes of a whole volume: so many, or a share."""
 
     def write(folder):
-        whole = write_nifti(folder / f"full.{name}", MASK, affine_of()).read_bytes()
+        whole = scans.write_nifti(folder / f"full.{name}", MASK, scans.affine_of()).read_bytes()
         (folder / name).write_bytes(whole[: keep if keep > 1 else int(keep * len(whole))])
 
     return write
@@ -80,7 +68,7 @@ def a_picture(folder):
 
 
 def zero_spacing(folder):
-    write_nifti(folder / "mask.nii", MASK, affine_of())
+    scans.write_nifti(folder / "mask.nii", MASK, scans.affine_of())
     header = bytearray((folder / "mask.nii").read_bytes())
     for line in range(3):  # third column of the sform
         header[280 + 16 * line + 8 : 280 + 16 * line + 12] = bytes(4)
@@ -102,13 +90,13 @@ PERCENT = MASK * np.linspace(1, 99.5, 14).astype(np.float32)
 SHEAR = np.array([[0, 0.5, 0, 0], [0, 0, 1.0, 0], [0.5, 0, 0, 0], [0, 0, 0, 0]])
 COLOURS = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
 HOLE = changed(MASK, (3, 3, 3), np.nan).astype(np.float32)
-SCAN = grey(MASK > 0).astype(np.float32) + np.float32(0.25)
+SCAN = scans.grey(MASK > 0).astype(np.float32) + np.float32(0.25)
 TEXT = b"this is not a scan"
 #: What is written, as what the row names it, and what the line says.
 VOLUMES = {
     "percent": (nifti(PERCENT), "mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
     "in micrometres": (
-        nifti(MASK, affine_of(spacing=(1500.0, 1200.0, 4000.0))),
+        nifti(MASK, scans.affine_of(spacing=(1500.0, 1200.0, 4000.0))),
         "mask.nii",
         ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"],
     ),
@@ -150,11 +138,11 @@ VOLUMES = {
     "colours": (nifti(COLOURS), "mask.nii", ["colour"]),
     "zero spacing": (zero_spacing, "mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
     "an affine that is not finite": (
-        nifti(MASK, changed(affine_of(), (0, 3), np.nan)),
+        nifti(MASK, changed(scans.affine_of(), (0, 3), np.nan)),
         "mask.nii",
         ["affine is not finite"],
     ),
-    "sheared": (nifti(MASK, affine_of() + SHEAR), "mask.nii", ["at right angles"]),
+    "sheared": (nifti(MASK, scans.affine_of() + SHEAR), "mask.nii", ["at right angles"]),
     "empty mask": (nifti(MASK * 0), "mask.nii", ["the mask is empty"]),
     "a mask that is not finite": (nifti(HOLE), "mask.nii", ["not finite"]),
     "a scan as mask": (nifti(SCAN), "mask.nii", ["neither labels nor probabilities"]),
@@ -176,20 +164,20 @@ def test_bad_mask(tmp_path, make, name, parts):
 
 
 def test_absent_label_lists_those_present(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK * 5 + (np.arange(14) == 6) * MASK, affine_of())
+    scans.write_nifti(tmp_path / "mask.nii", MASK * 5 + (np.arange(14) == 6) * MASK, scans.affine_of())
     refused(tmp_path, "no label '7'", "choose one of 5, 6", columns={"mask": "mask.nii", "label": "7"})
     refused(tmp_path, "no label '7'", columns={"mask": "mask.nii", "label": "5,7"})
     refused(tmp_path, "no label 'liver'", columns={"mask": "mask.nii", "label": "liver"})
 
 
 def test_a_label_of_probabilities_is_refused(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), affine_of())
+    scans.write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), scans.affine_of())
     refused(tmp_path, "not labels; leave the label out", columns={"mask": "mask.nii", "label": "1"})
 
 
 def test_an_organ_in_metres_is_warned_of(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of(spacing=(0.0015, 0.0012, 0.004)))
-    structure = load_structure(row(mask="mask.nii"), tmp_path, settings())
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of(spacing=(0.0015, 0.0012, 0.004)))
+    structure = load_structure(scans.row(mask="mask.nii"), tmp_path, scans.settings())
     assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
 
 
@@ -204,31 +192,31 @@ def test_an_organ_in_metres_is_warned_of(tmp_path):
 )
 def test_different_grids(tmp_path, change):
     shape = change.pop("shape", MASK.shape)
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
-    write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), affine_of(**change))
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of())
+    scans.write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), scans.affine_of(**change))
     both = {"mask": "mask.nii", "image": "image.nii"}
     refused(tmp_path, "image.nii: its grid", "mask.nii", "resample: true", columns=both)
-    load_structure(row(**both), tmp_path, settings(resample=True))
+    load_structure(scans.row(**both), tmp_path, scans.settings(resample=True))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_image_that_is_not_finite(tmp_path, value):
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
-    image = grey(MASK > 0).astype(np.float32)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of())
+    image = scans.grey(MASK > 0).astype(np.float32)
     image[20, 20, 5] = value
-    write_nifti(tmp_path / "image.nii", image, affine_of())
+    scans.write_nifti(tmp_path / "image.nii", image, scans.affine_of())
     refused(tmp_path, "image.nii: 1 of its voxels", columns={"mask": "mask.nii", "image": "image.nii"})
 
 
 def test_boundary_that_is_no_boundary(tmp_path):
-    write_nifti(tmp_path / "edges.nii", MASK * 0, affine_of())
+    scans.write_nifti(tmp_path / "edges.nii", MASK * 0, scans.affine_of())
     refused(tmp_path, "boundary maps are empty", columns={"boundary": "edges.nii"})
-    write_nifti(tmp_path / "edges.nii", grey(MASK > 0), affine_of())
+    scans.write_nifti(tmp_path / "edges.nii", scans.grey(MASK > 0), scans.affine_of())
     refused(tmp_path, "different values", columns={"boundary": "edges.nii"})
 
 
 def test_scan_of_one_grey_value(tmp_path):
-    write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), affine_of())
+    scans.write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), scans.affine_of())
     refused(tmp_path, "image.nii", columns={"image": "image.nii"})
 
 
@@ -239,10 +227,10 @@ def test_scan_of_one_grey_value(tmp_path):
 def hospital(tmp_path_factory):
     """A series, its SEG and its RTSTRUCT."""
     folder = tmp_path_factory.mktemp("hospital")
-    series = write_series(folder / "dicom", grey(MASK > 0), dicom_affine())
-    write_seg(folder / "seg.dcm", {"organ": MASK > 0}, series, ["organ"])
-    write_structure_set(folder / "rt.dcm", {"organ": outlines(MASK > 0, dicom_affine())})
-    write_nifti(folder / "mask.nii", MASK, dicom_affine())
+    series = scans.write_series(folder / "dicom", scans.grey(MASK > 0), scans.dicom_affine())
+    scans.write_seg(folder / "seg.dcm", {"organ": MASK > 0}, series, ["organ"])
+    scans.write_structure_set(folder / "rt.dcm", {"organ": scans.outlines(MASK > 0, scans.dicom_affine())})
+    scans.write_nifti(folder / "mask.nii", MASK, scans.dicom_affine())
     return folder
 
 
@@ -265,16 +253,16 @@ def test_missing_slices(ward):
 def test_uneven_slices(tmp_path):
     heights = np.arange(14.0)
     heights[5] += 0.3
-    write_series(tmp_path / "dicom", grey(MASK > 0), dicom_affine(), heights=heights)
-    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
+    scans.write_series(tmp_path / "dicom", scans.grey(MASK > 0), scans.dicom_affine(), heights=heights)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.dicom_affine())
     refused(tmp_path, "unevenly spaced", columns=IMAGE, fill_gaps=False)
 
 
 def test_tilted_gantry_and_a_mask_on_another_grid(tmp_path):
-    affine = dicom_affine()
+    affine = scans.dicom_affine()
     affine[1, 2] += 1.5
-    write_series(tmp_path / "dicom", grey(MASK > 0), affine)
-    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
+    scans.write_series(tmp_path / "dicom", scans.grey(MASK > 0), affine)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.dicom_affine())
     refused(tmp_path, "its grid", "is not that of", columns=IMAGE)
 
 
@@ -302,7 +290,7 @@ def second_time_point(ward):
 
 
 def second_series(ward):
-    write_series(ward / "dicom" / "b", grey(MASK > 0), dicom_affine(), uid="second")
+    scans.write_series(ward / "dicom" / "b", scans.grey(MASK > 0), scans.dicom_affine(), uid="second")
 
 
 def truncated_slice(ward):
@@ -341,7 +329,7 @@ WARD = {
     "no such segment": (without(), SEG | {"label": "liver"}, ["no segment 'liver'", "1 (organ)"]),
     "no such ROI": (without(), RT | {"label": "liver"}, ["no ROI 'liver'", "1 (organ)"]),
     "a boundary map beside contours": (
-        nifti(MASK, dicom_affine(), "edges.nii"),
+        nifti(MASK, scans.dicom_affine(), "edges.nii"),
         RT | {"boundary": "edges.nii"},
         ["boundary"],
     ),
@@ -362,7 +350,7 @@ def test_truncated_seg_and_rtstruct(ward):
 
 
 def drawn(folder, contours, *parts, kind="CLOSED_PLANAR", **columns):
-    write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
+    scans.write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
     refused(folder, "rt.dcm: ", *parts, columns={"mask": "rt.dcm", **columns})
 
 
@@ -395,7 +383,7 @@ def test_contours_across_the_slices(ward):
 
 
 def test_roi_without_contours(tmp_path):
-    write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
+    scans.write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
     columns = {"mask": "rt.dcm", "label": "organ"}
     refused(tmp_path, "'organ' has no contours", "choose one of body", columns=columns)
 
@@ -405,7 +393,7 @@ def test_roi_without_contours(tmp_path):
     [([*range(14), 3], "Multiple frames"), ([*range(5), *range(6, 14)], "regularly-spaced")],
 )
 def test_frames_that_are_no_volume(tmp_path, frames, words):
-    write_enhanced(tmp_path / "enhanced.dcm", grey(MASK > 0), dicom_affine(), frames)
+    scans.write_enhanced(tmp_path / "enhanced.dcm", scans.grey(MASK > 0), scans.dicom_affine(), frames)
     refused(tmp_path, "no volume can be made of its frames", words, columns={"image": "enhanced.dcm"})
 
 
@@ -422,7 +410,7 @@ CRASHES = [
 
 @pytest.mark.parametrize(("name", "field", "instead"), CRASHES)
 def test_headers_that_crash_a_library(tmp_path, name, field, instead):
-    content = write_itk(tmp_path / name, MASK, affine_of()).read_bytes()
+    content = scans.write_itk(tmp_path / name, MASK, scans.affine_of()).read_bytes()
     assert field in content
     (tmp_path / name).write_bytes(content.replace(field, instead))
     refused(tmp_path, name, columns={"mask": name})
@@ -430,8 +418,8 @@ def test_headers_that_crash_a_library(tmp_path, name, field, instead):
 
 @pytest.mark.parametrize("name", ["mask.nii", "mask.mhd"])
 def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
-    write = write_nifti if name.endswith("nii") else write_itk
-    path = write(tmp_path / name, MASK, affine_of())
+    write = scans.write_nifti if name.endswith("nii") else scans.write_itk
+    path = write(tmp_path / name, MASK, scans.affine_of())
     content = bytearray(path.read_bytes())
     if name.endswith("nii"):
         content[42:48] = np.array([2000, 2000, 900], "<i2").tobytes()
@@ -447,7 +435,7 @@ def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
 def loads_or_refuses(folder, columns):
     """Either a structure or one line; any other error fails the test."""
     try:
-        structure = load_structure(row(**columns), folder, settings())
+        structure = load_structure(scans.row(**columns), folder, scans.settings())
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
         assert str(error).startswith("cohort.tsv row 2: ")  # noqa: PT017
@@ -469,8 +457,8 @@ def test_damaged_bytes(tmp_path_factory, suffix, data):
     folder = tmp_path_factory.getbasetemp()
     path = folder / f"mask.{suffix}"
     small = MASK[10:24, 10:24, 3:9]
-    write = write_nifti if suffix.startswith("nii") else write_itk
-    write(path, np.ascontiguousarray(small), affine_of())
+    write = scans.write_nifti if suffix.startswith("nii") else scans.write_itk
+    write(path, np.ascontiguousarray(small), scans.affine_of())
     content = bytearray(gzip.decompress(path.read_bytes()) if suffix == "nii.gz" else path.read_bytes())
     header = min(len(content), 352)
     for _ in range(data.draw(st.integers(1, 4))):
@@ -510,9 +498,9 @@ def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
     folder = tmp_path_factory.getbasetemp()
     contours = [circle(z) for z in range(5)]
     contours += [np.column_stack([np.add(s, (40, 0)), np.full(len(s), 2.0)]) for s in shapes]
-    write_structure_set(folder / "any.dcm", {"organ": contours})
+    scans.write_structure_set(folder / "any.dcm", {"organ": contours})
     try:
-        curves = load_structure(row(mask="any.dcm"), folder, settings()).contours
+        curves = load_structure(scans.row(mask="any.dcm"), folder, scans.settings()).contours
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
