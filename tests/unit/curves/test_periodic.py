@@ -6,6 +6,7 @@ from scipy.interpolate import BSpline
 from support.known_curves import random_spline
 
 from cccd.curves import periodic
+from cccd.geometry import closed_splines
 from cccd.geometry.closed_splines import extend_knots
 
 
@@ -59,3 +60,18 @@ def test_three_rounds_of_sliding_along_tangents_are_as_near_as_any_number():
 
     assert rounds(3) == pytest.approx(rounds(40), rel=0.02)
     assert rounds(40) < 0.034  # of an outline 80 long
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 30), st.booleans())
+def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
+    knots, control, _ = random_spline(seed, count, repeated)
+    assert len(knots) == count + 7
+    curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
+    u = np.linspace(knots[3], knots[-4], 101)[:-1]
+    assert closed_splines.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
+    assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)
+    sampled = closed_splines.sample_ragged(
+        np.vstack([control, control]), np.array([0, count, 2 * count]), np.tile(knots, 2), np.array([7, 100])
+    )
+    assert sampled[7:] == pytest.approx(curve(u), abs=1e-9)
