@@ -17,6 +17,7 @@ from cccd_viewers.viewer import case_figure
 from cccd_workflow.report.page import build_case_page
 
 MASK = scans.organ()  # 44 x 38 x 14 voxels
+TETRAHEDRON = Mesh(np.eye(4, 3, -1), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 MARK = "Zaphod"
 TEMPLATES = scans.ROOT / "workflow" / "report"
 WHO = f"<img src=x onerror=steal()>^{MARK}"
@@ -62,9 +63,8 @@ def test_nor_does_a_message_say_it(tmp_path):
 def test_the_structure_set_says_it_when_asked(tmp_path, keep):
     identified_series(tmp_path)
     frame = load_structure(scans.row(image="scan", mask="seg.dcm"), tmp_path, scans.settings()).frame
-    corners = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], float)
-    corners += frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
-    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    corners = 10 * TETRAHEDRON.vertices + frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
+    mesh = Mesh(corners, TETRAHEDRON.faces)
     path = tmp_path / "out.dcm"
     write_rtstruct(path, mesh, frame, name="x", reference=tmp_path / "scan", keep_patient=keep)
     written = pydicom.dcmread(path)
@@ -77,13 +77,11 @@ def test_the_structure_set_says_it_when_asked(tmp_path, keep):
 
 
 def test_names_of_labels_are_text_on_a_page(tmp_path):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
-    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
     told = {"organ": "a", "name": WHO + "</script><script>steal()", "color": "#ffffff", "volume_ml": 1.0}
     scene = {"case": "<b>case</b>", "organs": [told]}
-    build_case_page(scene, {"a": mesh}, TEMPLATES, tmp_path / "page.html")
+    build_case_page(scene, {"a": TETRAHEDRON}, TEMPLATES, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    (shown,) = case_figure([told], {"a": mesh})["data"]
+    (shown,) = case_figure([told], {"a": TETRAHEDRON})["data"]
     assert "&lt;img" in shown["name"]
     assert "<" not in shown["name"]
     assert "<img src=x" not in page
