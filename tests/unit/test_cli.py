@@ -5,7 +5,6 @@ import json
 import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 from threading import Thread
@@ -16,7 +15,7 @@ import psutil
 import pytest
 import trimesh
 from matplotlib.image import imread
-from support import scans
+from support import fresh, scans
 
 import cccd
 from cccd.cli import main
@@ -25,7 +24,6 @@ from cccd.interruption import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
 
-ROOT = Path(__file__).parents[2]
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 
@@ -621,10 +619,9 @@ def test_help_is_there_at_once():
     code = (
         "import sys; from cccd.cli import main\ntry: main(['--help'])\nexcept SystemExit: print(*sys.modules)"
     )
-    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
-    run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
-    assert "cccd surface liver.nii.gz" in run.stdout
-    assert "numpy" not in run.stdout.splitlines()[-1].split()
+    said = fresh.python(code)
+    assert "cccd surface liver.nii.gz" in said
+    assert "numpy" not in said.splitlines()[-1].split()
 
 
 def test_triangles_of_one_size_are_counted_and_measured(here, capsys):

@@ -1,6 +1,3 @@
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -8,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import fresh
 
 from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
@@ -25,7 +23,6 @@ from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3] / "scripts")}
 SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
 
 
@@ -204,10 +201,7 @@ def test_the_order_of_pixels_and_of_slices_changes_nothing(shipped):
 
 def test_the_library_orders_without_torch():
     code = "import sys; from cccd_junctions.ordering import order_boundaries; print('torch' in sys.modules)"
-    found = subprocess.run(
-        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=True
-    )
-    assert found.stdout.split() == ["False"]
+    assert fresh.python(code).split() == ["False"]
 
 
 def test_an_image_is_read_where_its_origin_says(shipped):
