@@ -16,22 +16,6 @@ def curves_of(polygons, slices, shape=(40, 40, 5)):
     )
 
 
-def test_centres_on_the_polygon_are_inside():
-    square = [(2, 3), (2, 7), (5, 7), (5, 3)]
-    expected = np.zeros((9, 10), bool)
-    expected[2:6, 3:8] = True
-    assert np.array_equal(rasterise([square], (0, 0), (9, 10)), expected)
-    assert np.array_equal(rasterise([square[::-1]], (2, 3), (3, 3)), np.ones((3, 3), bool))
-
-
-def test_a_hole_keeps_its_border_and_loses_its_inside():
-    outer = [(0, 0), (0, 9), (9, 9), (9, 0)]
-    hole = [(3, 3), (6, 3), (6, 6), (3, 6)]
-    expected = np.ones((10, 10), bool)
-    expected[4:6, 4:6] = False
-    assert np.array_equal(rasterise([outer, hole], (0, 0), (10, 10)), expected)
-
-
 @settings(max_examples=60, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.booleans())
 def test_agrees_with_shapely_on_random_stars(seed, on_lattice):
