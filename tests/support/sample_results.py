@@ -25,7 +25,6 @@ from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])
-SPACING = np.array([1.0, 1.0, 2.0])
 BAND = {"inner": 1.5, "outer": 2.5}
 BOUNDARIES = BoundarySettings(source="mask")
 

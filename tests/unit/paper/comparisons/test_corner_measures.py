@@ -67,15 +67,6 @@ def test_repeatability_is_perfect_without_change_and_falls_with_noise(star):
     assert (table["noise", 2.0] < 1).all()
 
 
-def test_repeatability_is_seeded(star):
-    tables = [
-        repeatability(star, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
-        for _ in range(2)
-    ]
-    assert tables[0].equals(tables[1])
-    assert tables[0]["repeatability"].between(0, 1).all()
-
-
 def test_corners_that_are_nowhere_are_not_counted_as_found_again(star):
     nowhere = {"none": lambda points, offsets: np.zeros(len(points), bool)}
     table = repeatability(star, np.random.default_rng(0), nowhere, rotations=(30,), scales=(), noises=())
