@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 781,
     "scripts/cccd_workflow": 5889,
     "bench": 4709,
-    "tests": 24124,
+    "tests": 24130,
 }
 
 
