@@ -1,15 +1,17 @@
 """A bar of two organs end to end, with a ball in one of them, that the scan cuts at both ends."""
 
+import shutil
 import subprocess
 
 import numpy as np
+import pytest
 import trimesh
 
 from cccd.containers import Frame
 from cccd.settings.surface import TetrahedraSettings
 from support.solids import mesh_of, sphere
 
-__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "calculix", "two_halves"]
+__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "calculix", "elastic", "needs_calculix", "two_halves"]
 
 #: Of the bar's section, and of each organ's length, in mm.
 WIDTH, HALF = 10.0, 20.0
@@ -28,9 +30,32 @@ def two_halves():
     }
 
 
-def calculix(folder, model):
-    """Solve a model with CalculiX: rows of node, x, y and z, as it prints displacements."""
-    (folder / "model.inp").write_text(model.strip() + "\n")
+needs_calculix = pytest.mark.skipif(
+    shutil.which("ccx") is None, reason="CalculiX (Debian's calculix-ccx) is not installed"
+)
+MODEL = """*INCLUDE, INPUT={file}
+{material}*BOUNDARY
+{held}
+*STEP
+*STATIC
+*DSLOAD
+{loaded}, P, {pressure}
+*NODE PRINT, NSET=N_{loaded}
+U
+*END STEP
+"""
+
+
+def elastic(modulus, poisson):
+    """One material for all elements."""
+    tissue = f"*MATERIAL, NAME=TISSUE\n*ELASTIC\n{modulus}, {poisson}\n"
+    return f"{tissue}*SOLID SECTION, ELSET=EALL, MATERIAL=TISSUE\n"
+
+
+def calculix(folder, file, held, loaded, pressure, material=""):
+    """Press on a boundary and solve with CalculiX: rows of node, x, y and z of its displacements."""
+    given = {"file": file, "held": held, "loaded": loaded, "pressure": pressure, "material": material}
+    (folder / "model.inp").write_text(MODEL.format(**given))
     done = subprocess.run(["ccx", "model"], cwd=folder, capture_output=True, text=True, timeout=120)
     assert "Job finished" in done.stdout, done.stdout[-2000:]
     rows = [line.split() for line in (folder / "model.dat").read_text().splitlines()]

@@ -8,6 +8,7 @@ import numpy as np
 import pandas as pd
 import trimesh
 
+from cccd import store
 from cccd.bands import Band
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Structure
@@ -16,16 +17,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
 from cccd.settings.boundaries import BoundarySettings
-from cccd.store import (
-    read_boundaries,
-    read_curves,
-    read_structure,
-    write_boundaries,
-    write_control_meshes,
-    write_curves,
-    write_json,
-    write_structure,
-)
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
@@ -34,7 +25,6 @@ from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 
 RADII = np.array([24.0, 30.0, 21.0])
-SPACING = np.array([1.0, 1.0, 2.0])
 BAND = {"inner": 1.5, "outer": 2.5}
 BOUNDARIES = BoundarySettings(source="mask")
 
@@ -76,14 +66,14 @@ def make_structure(case: str, organ: str, warnings: tuple[str, ...] = ()) -> tup
 def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...] = ()) -> None:
     """Everything that the stages leave for one structure."""
     structure, centre = make_structure(case, organ, warnings)
-    write_structure(folder / "structure.h5", structure)
+    store.write_structure(folder / "structure.h5", structure)
     boundaries = extract_boundaries(structure, BOUNDARIES)
-    write_boundaries(folder / "boundaries.h5", boundaries)
+    store.write_boundaries(folder / "boundaries.h5", boundaries)
     curves = trace_mask(structure)
     corner = np.concatenate([np.arange(len(part)) % max(1, len(part) // 24) == 0 for part in curves])
     splines = corner_splines(curves, corner)
     codes = chain_codes(curves.points, curves.offsets)
-    write_curves(
+    store.write_curves(
         folder / "curves.h5", FittedCurves(curves, codes, curves.points[corner], splines.offsets, splines)
     )
     mesh = trimesh.creation.icosphere(subdivisions=4)
@@ -92,10 +82,10 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     write_sample_view(folder)
     net, faces = vertices, np.array(mesh.faces, np.int64)
     points, quads, _ = split_to_quads(net, *join_in_pairs(Mesh(net, faces)))
-    write_control_meshes(
+    store.write_control_meshes(
         folder / "surface.h5", [ControlMesh(points, quads)], structure.frame, {"warnings": []}
     )
-    write_json(
+    store.write_json(
         folder / "metrics.json", make_metrics(case, organ, np.random.default_rng(len(case + organ)), warnings)
     )
 
@@ -105,9 +95,9 @@ def write_sample_view(folder: Path) -> None:
     mesh = read_ply(folder / "surface.ply")
     inner, outer = (np.full(len(mesh.vertices), side) for side in (BAND["inner"], BAND["outer"]))
     view = make_view(
-        read_structure(folder / "structure.h5"),
-        read_boundaries(folder / "boundaries.h5"),
-        read_curves(folder / "curves.h5"),
+        store.read_structure(folder / "structure.h5"),
+        store.read_boundaries(folder / "boundaries.h5"),
+        store.read_curves(folder / "curves.h5"),
         mesh,
         Band(inner, outer, 0.9, 1.0, False),
     )

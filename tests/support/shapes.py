@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import trace_mask
 
@@ -39,27 +38,6 @@ def fork() -> np.ndarray:
     left = np.hypot(x - 35 + spread, y - 20) <= 8
     right = np.hypot(x - 35 - spread, y - 20) <= 8
     return (left | right) & (z >= 4) & (z < 55)
-
-
-def ellipse(a=10.0, b=10.0, centre=(30.0, 30.0), turn=0.0, first=0.0, count=240) -> np.ndarray:
-    """Points (count, 2) counter-clockwise on a turned ellipse, from a fraction of the way around."""
-    angle = 2 * np.pi * (np.arange(count) / count + first)
-    x, y = a * np.cos(angle), b * np.sin(angle)
-    cosine, sine = np.cos(turn), np.sin(turn)
-    return np.column_stack([cosine * x - sine * y, sine * x + cosine * y]) + centre
-
-
-def drawn(slices: dict[int, list[np.ndarray]], depth: int, spacing=(1.0, 1.0, 1.0), size=64) -> Curves:
-    """Outlines drawn on some of ``depth`` slices; those that run clockwise are holes."""
-    outlines = [(k, points) for k in sorted(slices) for points in slices[k]]
-    offsets = np.concatenate([[0], np.cumsum([len(points) for _, points in outlines])])
-    return Curves(
-        np.concatenate([points for _, points in outlines]),
-        offsets,
-        np.array([k for k, _ in outlines], np.int32),
-        RaggedPolygons(np.concatenate([points for _, points in outlines]), offsets).signed_areas < 0,
-        Frame(np.diag([*spacing, 1.0]), 2, (size, size, depth)),
-    )
 
 
 def assert_sound(surface):

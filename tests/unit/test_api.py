@@ -1,16 +1,13 @@
 """What the library offers: few names, cheap to import, the same surface whichever way it is asked for."""
 
 import inspect
-import os
-import subprocess
-import sys
 from importlib import import_module
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
 import trimesh
+from support import fresh
 
 import cccd
 from cccd.containers import Curves, Frame
@@ -22,7 +19,6 @@ PUBLIC = {
     *("compare", "ControlMesh", "Curves", "FittedCurves", "InputError", "Settings", "Structure", "Surface"),
     "__version__",
 }
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 AFFINE = np.array([[-1.0, 0, 0, 10], [0, 0.9, 0, -20], [0, 0, 2.5, 5], [0, 0, 0, 1]])
 
 
@@ -73,11 +69,7 @@ print(hashlib.sha256(surface.vertices.tobytes() + surface.faces.tobytes()).hexdi
     said = set()
     for count in ("1", "2"):
         threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), count)
-        env = os.environ | threads | {"OPENBLAS_CORETYPE": "Haswell", "PYTHONPATH": str(SCRIPTS)}
-        run = subprocess.run(
-            [sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True
-        )
-        said.add(run.stdout)
+        said.add(fresh.python(code, OPENBLAS_CORETYPE="Haswell", **threads))
     assert len(said) == 1
 
 
@@ -88,10 +80,8 @@ assert not {"numpy", "cccd.api"} & set(sys.modules), "import cccd is not lazy"
 cccd.reconstruct
 print(*sys.modules)
 """
-    env = os.environ | {"PYTHONPATH": str(SCRIPTS)}
-    run = subprocess.run([sys.executable, "-c", code], env=env, capture_output=True, text=True, check=True)
     heavy = {"torch", "torch_geometric", "pandas", "matplotlib", "pyvista", "vtk", "highdicom", "snakemake"}
-    assert not heavy & {name.split(".")[0] for name in run.stdout.split()}
+    assert not heavy & {name.split(".")[0] for name in fresh.python(code).split()}
 
 
 def test_the_surface_lies_in_the_world(surface):

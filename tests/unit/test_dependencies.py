@@ -1,9 +1,8 @@
-import subprocess
-import sys
 import textwrap
 from pathlib import Path
 
 import pytest
+from support import fresh
 
 from cccd.plugins import folders, table
 from cccd_workflow.dependencies import imported_files
@@ -101,7 +100,5 @@ def test_the_closure_holds_every_module_that_a_script_really_loads(name):
         modules = [sys.modules[name] for name in names if name not in tables - {"cccd"}]
         print(*(module.__file__ for module in modules), sep="\\n")
     """
-    command = [sys.executable, "-c", textwrap.dedent(probe), str(script)]
-    run = subprocess.run(command, cwd=SCRIPTS, capture_output=True, text=True, check=True)
-    loaded = {Path(line) for line in run.stdout.split()}
+    loaded = {Path(line) for line in fresh.python(textwrap.dedent(probe), script).split()}
     assert loaded <= set(imported_files(script, LIBRARIES))

@@ -1,20 +1,15 @@
 """What is not installed ends in one line that names the extra of what was asked for, on every way to it."""
 
 import json
-import os
-import subprocess
-import sys
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
 from scipy import ndimage
-from support import scans
+from support import fresh, scans
 
 from cccd.extras import EXTRAS, check_extra, missing_extra, needing
 
-ROOT = Path(__file__).parents[2]
 AFFINE = np.diag([1.0, 1.0, 2.5, 1.0])
 
 #: Runs commands and expressions where modules are not: nothing finds them, as where it was never installed.
@@ -125,12 +120,8 @@ def inputs(tmp_path_factory):
 @pytest.mark.parametrize("module", WITHOUT)
 def test_one_line_names_the_extra_of_what_was_asked_for(inputs, module):
     named = {one: extra for extra, calls in WITHOUT[module].items() for one in calls}
-    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
-    run = subprocess.run(
-        [sys.executable, "-c", PROGRAM, module, *named],
-        cwd=inputs, env=env, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    outcomes = [json.loads(line) for line in run.stdout.splitlines()]
+    said = fresh.python(PROGRAM, module, *named, cwd=inputs)
+    outcomes = [json.loads(line) for line in said.splitlines()]
     assert [one for one, *_ in outcomes] == list(named)
     for one, code, said in outcomes:
         assert code == (1 if one.startswith("cccd ") else "InputError"), one
@@ -154,12 +145,7 @@ def test_without_any_extra_masks_probabilities_and_label_maps_become_surfaces(in
         "cccd surface mask.nii.gz --triangles 2000 -o f.ply",
     )
     modules = ",".join(sorted({module for brought in EXTRAS.values() for module in brought}))
-    env = os.environ | {"PYTHONPATH": str(ROOT / "scripts")}
-    run = subprocess.run(
-        [sys.executable, "-c", PROGRAM, modules, *commands],
-        cwd=tmp_path, env=env, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    for line in run.stdout.splitlines():
+    for line in fresh.python(PROGRAM, modules, *commands, cwd=tmp_path).splitlines():
         one, code, said = json.loads(line)
         assert code == 0, (one, said)
 

@@ -12,13 +12,6 @@ def test_two_empty_regions_agree():
         metrics.dice(nothing, np.zeros((2, 3), bool))
 
 
-def test_concentric_spheres_are_their_radii_apart():
-    figures = metrics.surface_distances(sphere(10), sphere(12), np.random.default_rng(0), 5000)
-    assert figures["assd"] == pytest.approx(2, abs=0.03)
-    assert figures["hd95"] == pytest.approx(2, abs=0.05)
-    assert figures["hausdorff"] >= figures["hd95"]
-
-
 def test_distances_are_seeded():
     first, second = (
         metrics.surface_distances(sphere(10), sphere(11), np.random.default_rng(3), 500) for _ in range(2)

@@ -3,6 +3,7 @@ import os
 
 import h5py
 import numpy as np
+import pandas as pd
 import pytest
 import trimesh
 from hypothesis import HealthCheck, given, settings
@@ -15,6 +16,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
+from cccd.store import read_table, write_table
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd_viewers import page_files as pages
 
@@ -197,3 +199,13 @@ def test_a_view_comes_back(tmp_path, reference):
     for name, column in values.items():
         np.testing.assert_array_equal(found.values[name], column)
     np.testing.assert_array_equal(found.flags["dropped"], [True, False])
+
+
+@pytest.mark.parametrize("table", [pd.DataFrame(), pd.DataFrame(columns=["case", "organ"])])
+def test_a_table_without_rows_is_none(tmp_path, table):
+    write_table(tmp_path / "table.csv", table)
+    assert read_table(tmp_path / "table.csv") is None
+
+
+def test_an_absent_table_is_none(tmp_path):
+    assert read_table(tmp_path / "table.csv") is None

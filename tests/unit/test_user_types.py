@@ -48,10 +48,12 @@ def test_a_type_checker_sees_types_and_a_wrong_word(tmp_path):
     assert re.search(r'No parameter named "affin".*\n1 error', said)
 
 
-def test_mypy_sees_the_same(tmp_path):
+def test_mypy_sees_the_same(tmp_path, pytestconfig):
     pytest.importorskip("mypy", reason="envs/checks.txt")
     (tmp_path / "lines.py").write_text(LINES)
-    options = ("--follow-imports=silent", "--ignore-missing-imports")
+    options = ["--follow-imports=silent", "--ignore-missing-imports"]
+    if cache := getattr(pytestconfig, "cache", None):  # the first run takes most of a minute
+        options.append(f"--cache-dir={cache.mkdir('mypy')}")
     command = [sys.executable, "-m", "mypy", *options, "lines.py"]
     surroundings = os.environ | {"MYPYPATH": str(ROOT / "scripts")}
     run = subprocess.run(command, cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False)

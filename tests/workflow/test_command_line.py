@@ -14,14 +14,6 @@ def test_nested_values_are_read(fresh_project):
     assert plan["measure_structure"] == plan["export_surface"] == 2  # both formats in one job
 
 
-def test_what_a_nested_text_cannot_stand_for_is_refused(fresh_project):
-    run = fresh_project.snakemake("--dry-run", "--config", "gnn={graphs: {traning: 20}}", check=False)
-    assert run.returncode != 0
-    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert "gnn.graphs.traning" in line
-    assert "did you mean 'training'?" in line
-
-
 def test_surfaces_alone_wait_for_no_comparison(fresh_project):
     plan = fresh_project.planned("--config", "train=false", "surface={formats: [stl]}", "--", "surfaces")
     on_the_way = ("import_structure", "loft_surface", "export_surface")

@@ -1,13 +1,15 @@
-"""Bad input on the way through the workflow: one clear line, a non-zero exit, nothing lost."""
+"""Bad and hostile input on the way through the workflow: one clear line, a non-zero exit, nothing lost."""
 
+import nibabel
+import numpy as np
 import pytest
 
 SHEET = "case\torgan\tsource\tmask\n"
 
 
 def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project):
-    """The other ways in which a sheet can be wrong: ``tests/unit/test_cohort.py``."""
-    (fresh_project.folder / "tiny.tsv").write_text(SHEET + "$(touch x)\tliver\tphantom\t\n")
+    """The other ways in which a sheet can be wrong: ``tests/unit/workflow/test_cohort.py``."""
+    (fresh_project.folder / "tiny.tsv").write_text(SHEET + "../../x;$(touch x)\tliver\tphantom\t\n")
     run = fresh_project.snakemake(check=False)
     assert run.returncode != 0
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
@@ -21,6 +23,7 @@ def test_a_bad_sheet_stops_before_any_job_in_one_line(fresh_project):
     ("setting", "words"),
     [
         ("curves={tolerance: 1}", ["curves.tolerance", "tolerance_px"]),
+        ("gnn={graphs: {traning: 20}}", ["gnn.graphs.traning", "did you mean 'training'?"]),
         ("cohort=nowhere.tsv", ["nowhere.tsv"]),
     ],
 )
@@ -80,3 +83,19 @@ def test_a_comparison_that_fails_in_a_job_of_several_is_named(tiny_copy):
     (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
     assert line.startswith("Error: tiny/sphere, k_sweep: AttributeError: ")
     assert line.endswith("; see logs/tiny/sphere/compare_structure.log")
+
+
+@pytest.mark.parametrize("target", ["results/../../x/structure.h5", "results/$(touch x)/y/structure.h5"])
+def test_targets_outside_the_sheet(target, fresh_project):
+    assert fresh_project.snakemake("--dry-run", target, check=False).returncode
+    assert not (fresh_project.folder / "x").exists()
+
+
+def test_a_scan_named_like_a_command(fresh_project):
+    name = "$(touch hacked); touch hacked #.nii"
+    mask = np.zeros((12, 12, 8), np.uint8)
+    mask[3:9, 3:9, 2:6] = 1
+    nibabel.save(nibabel.Nifti1Image(mask, np.eye(4)), fresh_project.folder / name)
+    (fresh_project.folder / "tiny.tsv").write_text(f"case\torgan\tmask\na\tcube\t{name}\n")
+    fresh_project.snakemake("results/a/cube/structure.h5")
+    assert not list(fresh_project.folder.rglob("hacked"))

@@ -143,10 +143,3 @@ def test_slices_that_nobody_drew_are_filled_on_the_scans_grid(fresh_project, she
     assert f"Annotate slice {named[0]} next" in page
     volumes = [trimesh.load(fresh_project.folder / file).volume / 1000 for file in files[3:]]
     assert 0 < volumes[0] < metrics["surface"]["volume_ml"] < volumes[1]
-
-
-def test_two_wishes_that_exclude_each_other_are_refused(fresh_project):
-    wishes = ["train=true", "gnn={pretrained: workflow/models/junctions.pt}"]
-    run = fresh_project.snakemake("--dry-run", "--config", *wishes, check=False)
-    (line,) = [line for line in run.stderr.splitlines() if line.startswith("Error: ")]
-    assert all(word in line for word in ("gnn.pretrained", "train: false"))

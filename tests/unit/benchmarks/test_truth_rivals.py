@@ -67,31 +67,18 @@ def test_niimath_lies_where_the_mask_is(body):
 
 
 def stack(body, slices, **assd):
+    """Rows of a stack: a distance for each choice, and figures that are the same in all."""
+    alike = {"group": "analytic", "body": body, "slices": slices, "euler": 2, "euler_true": 2}
+    alike |= {"hd95_mm": 0.2, "farthest_mm": 0.5, "normals_90_deg": 5.0, "bending_per_mm": 0.1}
+    alike |= {"wrong_voxels": 0, "farthest_wrong_px": 0.1, "cpu_seconds": 1.0}
+    methods = {"ours": "CCCD", "slicer": SLICER_EDGES}
+    choices = {"fixed": "fixed", "best": "best of grid"}
     rows = []
-    for number, (choice, value) in enumerate(assd.items()):
-        method = {"ours": "CCCD", "slicer": SLICER_EDGES}.get(choice, EDGES)
-        rows.append(
-            {
-                "group": "analytic",
-                "body": body,
-                "slices": slices,
-                "method": method,
-                "choice": {"fixed": "fixed", "best": "best of grid"}.get(choice, "default"),
-                "assd_mm": value,
-                "hd95_mm": 0.2,
-                "farthest_mm": 0.5,
-                "normals_median_deg": 2.0 + number,
-                "normals_90_deg": 5.0,
-                "bending_per_mm": 0.1,
-                "euler": 2,
-                "euler_true": 2,
-                "wrong_voxels": 0,
-                "farthest_wrong_px": 0.1,
-                "cpu_seconds": 1.0,
-                "assd_to_fixed": value / assd["fixed"],
-                "assd_to_best": value / assd["best"],
-            }
-        )
+    for number, (name, value) in enumerate(assd.items()):
+        own = {"method": methods.get(name, EDGES), "choice": choices.get(name, "default")}
+        own |= {"assd_mm": value, "normals_median_deg": 2.0 + number}
+        own |= {"assd_to_fixed": value / assd["fixed"], "assd_to_best": value / assd["best"]}
+        rows.append(alike | own)
     return rows
 
 

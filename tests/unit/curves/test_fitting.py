@@ -24,21 +24,6 @@ def at_most(budget):
     return CurveSettings(max_control_points=budget)
 
 
-def test_splines_follow_the_data_contract(blob):
-    curves = blob(0)[1]
-    splines = fit_splines(curves)
-    drawn = splines.sample()
-    assert len(splines) == len(curves)
-    for (control, knots), polygon in zip(splines, drawn, strict=True):
-        assert len(knots) == len(control) + 7
-        curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
-        begin, end = knots[3], knots[-4]
-        u = begin + (end - begin) * np.arange(len(polygon)) / len(polygon)
-        assert curve(u) == pytest.approx(polygon, abs=1e-8)
-        assert curve(begin) == pytest.approx(curve(end), abs=1e-8)
-        assert curve.derivative()(begin) == pytest.approx(curve.derivative()(end), abs=1e-7)
-
-
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("tolerance", [0.3, 0.5, 1.0])
 def test_tolerance_is_kept_with_few_points(blob, seed, tolerance):
@@ -165,14 +150,6 @@ def test_the_same_curves_give_the_same_splines_in_any_company(blob, curves_of):
         alone = fit_splines(curves_of(polygon))
         assert np.array_equal(alone.control_points, control)
         assert np.array_equal(alone.knots, knots)
-
-
-def test_nothing_and_nonsense(curves_of):
-    nothing = fit_splines(curves_of())
-    assert len(nothing) == len(nothing.sample()) == 0
-    for bad in ({"tolerance_px": 0}, {"max_control_points": 0}):
-        with pytest.raises(ValueError, match="greater than 0"):
-            CurveSettings(**bad)
 
 
 # The paper's splines --------------------------------------------------------------------------------

@@ -6,7 +6,8 @@ from scipy.interpolate import BSpline
 from support.known_curves import random_spline
 
 from cccd.curves import periodic
-from cccd.geometry.closed_splines import evaluate, extend_knots
+from cccd.geometry import closed_splines
+from cccd.geometry.closed_splines import extend_knots
 
 
 @settings(max_examples=40, deadline=None)
@@ -22,13 +23,6 @@ def test_least_squares_is_that_of_the_wrapped_design_matrix(seed, count):
     best = points - wrapped @ np.linalg.lstsq(wrapped, points)[0]
     found = points - wrapped @ periodic.least_squares(knots, count, points, u)
     assert np.sum(found**2) == pytest.approx(np.sum(best**2), rel=1e-5)
-
-
-def test_points_on_a_spline_give_it_back():
-    knots, control, rng = random_spline(3, 12)
-    u = np.sort(rng.uniform(knots[3], knots[-4], 300))
-    found = periodic.least_squares(knots, 12, evaluate(knots, control, u), u)
-    assert found == pytest.approx(control, abs=1e-3)
 
 
 def test_foot_points_are_nearest_points():
@@ -66,3 +60,14 @@ def test_three_rounds_of_sliding_along_tangents_are_as_near_as_any_number():
 
     assert rounds(3) == pytest.approx(rounds(40), rel=0.02)
     assert rounds(40) < 0.034  # of an outline 80 long
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(4, 30), st.booleans())
+def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
+    knots, control, _ = random_spline(seed, count, repeated)
+    assert len(knots) == count + 7
+    curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
+    u = np.linspace(knots[3], knots[-4], 101)[:-1]
+    assert closed_splines.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
+    assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)

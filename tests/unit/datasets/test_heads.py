@@ -21,17 +21,21 @@ def brain():
     return Volume(image, affine, "x"), Volume(inside, affine, "x")
 
 
-def test_the_brain_keeps_its_contrast_and_the_head_is_drawn_by_the_seed(brain):
-    image, inside = brain
-    once, again, other = (draw_head(image, inside, np.random.default_rng(seed)).data for seed in (1, 1, 2))
+@pytest.fixture(scope="module")
+def heads(brain):
+    """Two of one seed, and one of another."""
+    return [draw_head(*brain, np.random.default_rng(seed)).data for seed in (1, 1, 2)]
+
+
+def test_the_brain_keeps_its_contrast_and_the_head_is_drawn_by_the_seed(brain, heads):
+    (image, inside), (once, again, other) = brain, heads
     np.testing.assert_array_equal(once, again)
     assert (once != other).any()
     np.testing.assert_allclose(once[inside.data], image.data[inside.data] / 0.8, rtol=1e-6)
 
 
-def test_on_the_way_up_come_fluid_bone_marrow_bone_fat_and_air(brain):
-    head = draw_head(*brain, np.random.default_rng(3)).data
-    way = head[90, 90, 70 + TOP :]  # beside the sinus in the midline
+def test_on_the_way_up_come_fluid_bone_marrow_bone_fat_and_air(heads):
+    way = heads[0][90, 90, 70 + TOP :]  # beside the sinus in the midline
     air = np.flatnonzero(way == 0)[0]
     assert 8 < air < 25  # mm of skull and scalp
     assert (way[air : air + 10] == 0).all()
@@ -42,9 +46,8 @@ def test_on_the_way_up_come_fluid_bone_marrow_bone_fat_and_air(brain):
     assert way[:air][bone].min() < 0.2  # darker than the fluid
 
 
-def test_no_single_threshold_separates_brain_from_head(brain):
-    image, inside = brain
-    head = draw_head(image, inside, np.random.default_rng(4)).data
+def test_no_single_threshold_separates_brain_from_head(brain, heads):
+    inside, head = brain[1], heads[2]
     grey = head[inside.data]
     alike = (head >= grey.min()) & (head <= grey.max()) & ~inside.data
     assert alike.sum() > 0.3 * inside.data.sum()

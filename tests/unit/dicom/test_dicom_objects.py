@@ -1,7 +1,5 @@
 """What tells drawn contours from masks before any scan is opened."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -9,11 +7,10 @@ import pydicom
 import pytest
 from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
+from support import fresh
 
 from cccd.dicom_objects import dicom_modality, holds_contours, lies_in_its_series, object_in
 from cccd.errors import InputError
-
-SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 def write(path: Path, modality: str, **uids: str) -> Path:
@@ -73,4 +70,4 @@ def test_a_scan_is_not_opened_beyond_its_first_bytes_nor_pydicom_imported_for_it
         "import sys; from pathlib import Path; from cccd.dicom_objects import holds_contours\n"
         "assert not holds_contours(Path(sys.argv[1])); assert 'pydicom' not in sys.modules"
     )
-    subprocess.run([sys.executable, "-c", code, str(tmp_path / "mask.nii")], cwd=SCRIPTS, check=True)
+    fresh.python(code, tmp_path / "mask.nii")

@@ -39,7 +39,14 @@ from cccd_dicom.rtstruct import write_rtstruct
 from cccd_dicom.seg import write_seg
 
 AFFINE = dicom_affine()
+KINDS = ("RTSTRUCT", "M3D", "SEG")
 CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]
+
+
+@pytest.fixture
+def series(tmp_path):
+    """A series of the organ, in the folder ``dicom``."""
+    return write_series(tmp_path / "dicom", grey(organ()), AFFINE)
 
 
 def ball():
@@ -65,21 +72,6 @@ def write_kind(kind, path, folder):
         write_rtstruct(path, ball(), frame, name="liver", reference=folder, keep_patient=True)
 
 
-@pytest.mark.parametrize("referring", [True, False], ids=["of a series", "of no series"])
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_dciodvfy_finds_no_error(tmp_path, kind, referring):
-    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
-    folder = tmp_path / "dicom" if referring else None
-    path = tmp_path / "out.dcm"
-    if kind == "SEG" and not referring:
-        pytest.skip("a SEG lies on a series")
-    write_kind(kind, path, folder)
-    assert pydicom.dcmread(path).Modality == kind
-    if referring:
-        assert pydicom.dcmread(path).StudyInstanceUID == series[0].StudyInstanceUID
-    assert errors_of(path) == []
-
-
 def edit_headers(folder, change):
     """Change every slice of a folder in place; what the standard demands may go."""
     for file in folder.iterdir():
@@ -101,9 +93,8 @@ def strip(dataset, blank=False):
 
 
 @pytest.mark.parametrize("blank", [True, False], ids=["blank", "absent"])
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, blank, caplog):
-    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, blank, caplog, series):
     edit_headers(tmp_path / "dicom", partial(strip, blank=blank))
     write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
     written = pydicom.dcmread(tmp_path / "out.dcm")
@@ -116,16 +107,22 @@ def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, bl
     assert caplog.text.count("its images have no StudyInstanceUID") == 1
 
 
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_dciodvfy_finds_no_error_beside_bare_slices(tmp_path, kind):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
-    edit_headers(tmp_path / "dicom", strip)
-    write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
+@pytest.mark.parametrize("slices", ["whole", "bare", "none"])
+@pytest.mark.parametrize("kind", KINDS)
+def test_dciodvfy_finds_no_error(tmp_path, kind, slices, series):
+    if kind == "SEG" and slices == "none":
+        pytest.skip("a SEG lies on a series")
+    if slices == "bare":
+        edit_headers(tmp_path / "dicom", strip)
+    write_kind(kind, tmp_path / "out.dcm", None if slices == "none" else tmp_path / "dicom")
+    written = pydicom.dcmread(tmp_path / "out.dcm")
+    assert written.Modality == kind
+    if slices == "whole":
+        assert written.StudyInstanceUID == series[0].StudyInstanceUID
     assert errors_of(tmp_path / "out.dcm") == []
 
 
-def test_a_seg_of_slices_that_only_the_header_tells_apart_is_read_back(tmp_path):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_a_seg_of_slices_that_only_the_header_tells_apart_is_read_back(tmp_path, series):
     edit_headers(tmp_path / "dicom", lambda dataset: dataset.__delitem__("SOPInstanceUID"))
     write_kind("SEG", tmp_path / "seg.dcm", tmp_path / "dicom")
     read = load_structure(row(image="dicom", mask="seg.dcm"), tmp_path, settings())
@@ -133,9 +130,8 @@ def test_a_seg_of_slices_that_only_the_header_tells_apart_is_read_back(tmp_path)
 
 
 @pytest.mark.parametrize("keyword", ["SOPClassUID", "SOPInstanceUID"])
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_an_image_that_nothing_can_refer_to_is_named(tmp_path, kind, keyword):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_image_that_nothing_can_refer_to_is_named(tmp_path, kind, keyword, series):
 
     def silence(dataset):
         del dataset[keyword]
@@ -147,9 +143,8 @@ def test_an_image_that_nothing_can_refer_to_is_named(tmp_path, kind, keyword):
     assert not (tmp_path / "out.dcm").exists()
 
 
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_images_of_one_name_are_refused(tmp_path, kind):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+@pytest.mark.parametrize("kind", KINDS)
+def test_images_of_one_name_are_refused(tmp_path, kind, series):
     edit_headers(tmp_path / "dicom", lambda dataset: setattr(dataset, "SOPInstanceUID", "1.2.3"))
     with pytest.raises(
         InputError, match=r"dicom: \d+ of its images have one SOPInstanceUID, 1\.2\.3; export"
@@ -158,9 +153,8 @@ def test_images_of_one_name_are_refused(tmp_path, kind):
 
 
 @pytest.mark.filterwarnings("ignore:Invalid value for VR UI")
-@pytest.mark.parametrize("kind", ["RTSTRUCT", "M3D", "SEG"])
-def test_a_word_in_the_place_of_a_uid_is_none(tmp_path, kind):
-    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_word_in_the_place_of_a_uid_is_none(tmp_path, kind, series):
 
     def write_words(dataset):
         for keyword in ("SOPInstanceUID", *COMMON):
@@ -174,8 +168,7 @@ def test_a_word_in_the_place_of_a_uid_is_none(tmp_path, kind):
     assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
 
 
-def test_a_dose_beside_the_images_is_none_of_them(tmp_path):
-    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_a_dose_beside_the_images_is_none_of_them(tmp_path, series):
     dose = series[0]
     dose.Modality, dose.SOPInstanceUID = "RTDOSE", "1.2.3"
     dose.save_as(tmp_path / "dicom" / "dose.dcm")
@@ -197,8 +190,7 @@ def test_a_series_that_was_read_is_referred_to(tmp_path, where):
 
 
 @pytest.mark.parametrize("keyword", COMMON)
-def test_a_seg_on_slices_of_two_kinds_is_refused_in_one_line(tmp_path, keyword):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_a_seg_on_slices_of_two_kinds_is_refused_in_one_line(tmp_path, keyword, series):
     uids = iter(range(1, 100))
     edit_headers(tmp_path / "dicom", lambda dataset: setattr(dataset, keyword, f"1.2.{next(uids)}"))
     with pytest.raises(InputError, match=r"dicom: its images cannot carry a SEG .*; export the series again"):
@@ -241,10 +233,9 @@ def ask(address, content=None):
         return answer.read()
 
 
-def test_an_archive_keeps_all_kinds_with_their_scan(archive, tmp_path):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_an_archive_keeps_all_kinds_with_their_scan(archive, tmp_path, series):
     files = sorted((tmp_path / "dicom").iterdir())
-    for kind in ("RTSTRUCT", "M3D", "SEG"):
+    for kind in KINDS:
         files.append(tmp_path / f"{kind}.dcm")
         write_kind(kind, files[-1], tmp_path / "dicom")
     for file in files:
@@ -257,8 +248,7 @@ def test_an_archive_keeps_all_kinds_with_their_scan(archive, tmp_path):
     assert kinds == ["CT", "M3D", "RTSTRUCT", "SEG"]
 
 
-def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_path):
-    series = write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_path, series):
     mesh = ball()
     write_encapsulated_stl(tmp_path / "a.dcm", mesh, name="liver", reference=tmp_path / "dicom")
     write_encapsulated_stl(tmp_path / "b.dcm", mesh, name="liver", reference=tmp_path / "dicom")
@@ -296,8 +286,7 @@ def test_a_seg_without_a_series_is_refused_in_one_line(tmp_path):
         write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=None)
 
 
-def test_a_seg_of_another_patients_series_is_refused(tmp_path):
-    write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+def test_a_seg_of_another_patients_series_is_refused(tmp_path, series):
     far = Mesh(ball().vertices + 500, ball().faces)
     with pytest.raises(InputError, match="no voxel of the series"):
         write_seg(tmp_path / "seg.dcm", far, name="liver", reference=tmp_path / "dicom")

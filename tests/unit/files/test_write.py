@@ -209,7 +209,7 @@ def test_every_format_that_the_configuration_knows_is_written(surface, small, tm
     if name == "seg.dcm":
         pytest.skip("lies on a DICOM series: tests/unit/dicom/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
-    coarse = TetrahedraSettings(edge_mm=10, tolerance_mm=0.5)
+    coarse = TetrahedraSettings(edge_mm=5, tolerance_mm=1)
     filled = FORMATS[name].made_of == "tetrahedra"  # which takes long
     write_surface(path, small if filled else surface, ExportOptions("organ", tetrahedra=coarse))
     assert path.stat().st_size > 1000

@@ -2,16 +2,7 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.geometry.arrays import (
-    concatenate_ragged,
-    offsets_of,
-    owners_of,
-    predecessors,
-    ranks_of,
-    split_ragged,
-    successors,
-    sum_per_part,
-)
+from cccd.geometry import arrays
 
 COUNTS = st.lists(st.integers(0, 6), max_size=9)
 
@@ -19,28 +10,30 @@ COUNTS = st.lists(st.integers(0, 6), max_size=9)
 @settings(deadline=None)
 @given(COUNTS)
 def test_owner_and_rank_name_every_member(counts):
-    offsets = offsets_of(counts)
+    offsets = arrays.offsets_of(counts)
     assert offsets.dtype == np.int64
-    assert np.array_equal(offsets[owners_of(offsets)] + ranks_of(counts), np.arange(sum(counts)))
+    assert np.array_equal(
+        offsets[arrays.owners_of(offsets)] + arrays.ranks_of(counts), np.arange(sum(counts))
+    )
 
 
 @settings(deadline=None)
 @given(COUNTS, st.integers(0, 2**32 - 1))
 def test_splitting_undoes_joining(counts, seed):
     parts = [np.random.default_rng(seed).integers(0, 99, (count, 2)) for count in counts]
-    values, offsets = concatenate_ragged(parts)
-    back = split_ragged(values, offsets)
+    values, offsets = arrays.concatenate_ragged(parts)
+    back = arrays.split_ragged(values, offsets)
     assert len(back) == len(parts)
     assert all(map(np.array_equal, back, parts))
-    assert sum_per_part(values[:, 0], offsets).tolist() == [part[:, 0].sum() for part in parts]
+    assert arrays.sum_per_part(values[:, 0], offsets).tolist() == [part[:, 0].sum() for part in parts]
 
 
 @settings(deadline=None)
 @given(COUNTS)
 def test_going_round_a_part_takes_as_many_steps_as_it_has_members(counts):
-    offsets = offsets_of(counts)
-    following = successors(offsets)
-    assert np.array_equal(predecessors(offsets)[following], np.arange(sum(counts)))
+    offsets = arrays.offsets_of(counts)
+    following = arrays.successors(offsets)
+    assert np.array_equal(arrays.predecessors(offsets)[following], np.arange(sum(counts)))
     for begin, count in zip(offsets[:-1], counts, strict=True):
         at, met = begin, set()
         for _ in range(count):

@@ -81,19 +81,6 @@ def test_outwards_turns_an_inside_out_mesh_and_no_other():
     np.testing.assert_array_equal(mesh.reversed().outwards().faces, mesh.faces)
 
 
-def test_box_has_its_volume_area_and_edges():
-    mesh = box((2, 3, 4))
-    assert mesh.volume == pytest.approx(24)
-    assert mesh.area == pytest.approx(52)
-    assert np.linalg.norm(mesh.unit_normals, axis=1) == pytest.approx(1)
-    assert np.abs(mesh.unit_normals).max(axis=1) == pytest.approx(1)  # along the axes
-    edges, angles, lengths, _, _ = mesh.dihedrals
-    assert len(edges) == 18
-    bent = angles > 1e-9
-    assert angles[bent] == pytest.approx(np.pi / 2)
-    assert lengths[bent].sum() == pytest.approx(4 * (2 + 3 + 4))
-
-
 def test_torus_has_genus_one_and_the_volume_of_pappus():
     mesh = torus(10, 3)
     assert mesh.is_closed_manifold

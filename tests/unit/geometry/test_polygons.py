@@ -18,11 +18,6 @@ def test_areas_perimeters_and_neighbours_of_ragged_polygons():
     assert np.array_equal(preceding[following], np.arange(11))
 
 
-def test_outer_curves_are_counter_clockwise_in_i_j():
-    positive = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float)  # from +i to +j
-    assert RaggedPolygons.of([positive]).signed_areas.tolist() == [1]
-
-
 def test_simplicity_of_polygons():
     square = [(0, 0), (0, 4), (4, 4), (4, 0)]
     bow = [(0, 0), (4, 4), (0, 4), (4, 0)]
@@ -80,9 +75,3 @@ def test_areas_and_lengths_are_those_of_shapely(sizes, seed):
     areas = shapely.area(shapely.polygons(rings))
     assert np.abs(polygons.signed_areas[simple]) == pytest.approx(areas[simple])
     assert np.array_equal(polygons.signed_areas[simple] > 0, shapely.is_ccw(rings)[simple])
-
-
-def test_a_polygon_turned_round_has_the_opposite_area():
-    star = np.random.default_rng(1).normal(size=(9, 2))
-    there, back = RaggedPolygons.of([star, star[::-1]]).signed_areas
-    assert there == pytest.approx(-back)

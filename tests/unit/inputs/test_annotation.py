@@ -263,11 +263,3 @@ def test_probabilities_are_known_on_every_slice(tmp_path):
     write_nifti(tmp_path / "liver.nii.gz", share, np.eye(4))
     with pytest.raises(InputError, match="combined with probabilities"):
         load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
-
-
-def test_an_annotation_that_leaves_out_nothing_changes_nothing():
-    mask = ellipsoid()[::2, ::2, ::2]
-    plain = cccd.reconstruct(mask, annotated="every slice")
-    auto = cccd.reconstruct(mask)
-    assert np.array_equal(plain.vertices, auto.vertices)
-    assert Annotation(np.arange(3)).guides == ()

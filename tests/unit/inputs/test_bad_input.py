@@ -1,8 +1,11 @@
 """Whatever is wrong with a scan, the user gets one line that names the row, the problem and a hint."""
 
 import gzip
+import os
+import re
 import shutil
 
+import nibabel
 import numpy as np
 import pydicom
 import pytest
@@ -10,26 +13,16 @@ from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
-from support.scans import (
-    affine_of,
-    dicom_affine,
-    grey,
-    organ,
-    outlines,
-    row,
-    settings,
-    write_enhanced,
-    write_itk,
-    write_nifti,
-    write_seg,
-    write_series,
-    write_structure_set,
-)
+from support import scans
 
+import cccd
 from cccd.errors import InputError
 from cccd.inputs import load_structure
+from cccd.inputs.labels import choose_labels
+from cccd.inputs.load import existing
+from cccd.inputs.readers import read_volume
 
-MASK = organ().astype(np.uint8)
+MASK = scans.organ().astype(np.uint8)
 
 
 def circle(z, radius=10.0, centre=(0.0, 0.0)):
@@ -40,7 +33,7 @@ def circle(z, radius=10.0, centre=(0.0, 0.0)):
 
 def refused(folder, *parts, columns=None, **changes):
     with pytest.raises(InputError) as caught:
-        load_structure(row(**(columns or {"mask": "mask.nii"})), folder, settings(**changes))
+        load_structure(scans.row(**(columns or {"mask": "mask.nii"})), folder, scans.settings(**changes))
     message = str(caught.value)
     assert message.startswith("cohort.tsv row 2: ")
     assert "\n" not in message
@@ -55,7 +48,9 @@ def refused(folder, *parts, columns=None, **changes):
 
 def nifti(values, affine=None, name="mask.nii"):
     """Writes a volume of these values."""
-    return lambda folder: write_nifti(folder / name, values, affine_of() if affine is None else affine)
+    return lambda folder: scans.write_nifti(
+        folder / name, values, scans.affine_of() if affine is None else affine
+    )
 
 
 def content(name, data):
@@ -67,7 +62,7 @@ def cut(name, keep):
     """Writes the first bytes of a whole volume: so many, or a share."""
 
     def write(folder):
-        whole = write_nifti(folder / f"full.{name}", MASK, affine_of()).read_bytes()
+        whole = scans.write_nifti(folder / f"full.{name}", MASK, scans.affine_of()).read_bytes()
         (folder / name).write_bytes(whole[: keep if keep > 1 else int(keep * len(whole))])
 
     return write
@@ -80,7 +75,7 @@ def a_picture(folder):
 
 
 def zero_spacing(folder):
-    write_nifti(folder / "mask.nii", MASK, affine_of())
+    scans.write_nifti(folder / "mask.nii", MASK, scans.affine_of())
     header = bytearray((folder / "mask.nii").read_bytes())
     for line in range(3):  # third column of the sform
         header[280 + 16 * line + 8 : 280 + 16 * line + 12] = bytes(4)
@@ -102,13 +97,13 @@ PERCENT = MASK * np.linspace(1, 99.5, 14).astype(np.float32)
 SHEAR = np.array([[0, 0.5, 0, 0], [0, 0, 1.0, 0], [0.5, 0, 0, 0], [0, 0, 0, 0]])
 COLOURS = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
 HOLE = changed(MASK, (3, 3, 3), np.nan).astype(np.float32)
-SCAN = grey(MASK > 0).astype(np.float32) + np.float32(0.25)
+SCAN = scans.grey(MASK > 0).astype(np.float32) + np.float32(0.25)
 TEXT = b"this is not a scan"
 #: What is written, as what the row names it, and what the line says.
 VOLUMES = {
     "percent": (nifti(PERCENT), "mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
     "in micrometres": (
-        nifti(MASK, affine_of(spacing=(1500.0, 1200.0, 4000.0))),
+        nifti(MASK, scans.affine_of(spacing=(1500.0, 1200.0, 4000.0))),
         "mask.nii",
         ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"],
     ),
@@ -150,11 +145,11 @@ VOLUMES = {
     "colours": (nifti(COLOURS), "mask.nii", ["colour"]),
     "zero spacing": (zero_spacing, "mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
     "an affine that is not finite": (
-        nifti(MASK, changed(affine_of(), (0, 3), np.nan)),
+        nifti(MASK, changed(scans.affine_of(), (0, 3), np.nan)),
         "mask.nii",
         ["affine is not finite"],
     ),
-    "sheared": (nifti(MASK, affine_of() + SHEAR), "mask.nii", ["at right angles"]),
+    "sheared": (nifti(MASK, scans.affine_of() + SHEAR), "mask.nii", ["at right angles"]),
     "empty mask": (nifti(MASK * 0), "mask.nii", ["the mask is empty"]),
     "a mask that is not finite": (nifti(HOLE), "mask.nii", ["not finite"]),
     "a scan as mask": (nifti(SCAN), "mask.nii", ["neither labels nor probabilities"]),
@@ -176,20 +171,20 @@ def test_bad_mask(tmp_path, make, name, parts):
 
 
 def test_absent_label_lists_those_present(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK * 5 + (np.arange(14) == 6) * MASK, affine_of())
+    scans.write_nifti(tmp_path / "mask.nii", MASK * 5 + (np.arange(14) == 6) * MASK, scans.affine_of())
     refused(tmp_path, "no label '7'", "choose one of 5, 6", columns={"mask": "mask.nii", "label": "7"})
     refused(tmp_path, "no label '7'", columns={"mask": "mask.nii", "label": "5,7"})
     refused(tmp_path, "no label 'liver'", columns={"mask": "mask.nii", "label": "liver"})
 
 
 def test_a_label_of_probabilities_is_refused(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), affine_of())
+    scans.write_nifti(tmp_path / "mask.nii", MASK * np.float32(0.75), scans.affine_of())
     refused(tmp_path, "not labels; leave the label out", columns={"mask": "mask.nii", "label": "1"})
 
 
 def test_an_organ_in_metres_is_warned_of(tmp_path):
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of(spacing=(0.0015, 0.0012, 0.004)))
-    structure = load_structure(row(mask="mask.nii"), tmp_path, settings())
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of(spacing=(0.0015, 0.0012, 0.004)))
+    structure = load_structure(scans.row(mask="mask.nii"), tmp_path, scans.settings())
     assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
 
 
@@ -204,31 +199,31 @@ def test_an_organ_in_metres_is_warned_of(tmp_path):
 )
 def test_different_grids(tmp_path, change):
     shape = change.pop("shape", MASK.shape)
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
-    write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), affine_of(**change))
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of())
+    scans.write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), scans.affine_of(**change))
     both = {"mask": "mask.nii", "image": "image.nii"}
     refused(tmp_path, "image.nii: its grid", "mask.nii", "resample: true", columns=both)
-    load_structure(row(**both), tmp_path, settings(resample=True))
+    load_structure(scans.row(**both), tmp_path, scans.settings(resample=True))
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 def test_image_that_is_not_finite(tmp_path, value):
-    write_nifti(tmp_path / "mask.nii", MASK, affine_of())
-    image = grey(MASK > 0).astype(np.float32)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of())
+    image = scans.grey(MASK > 0).astype(np.float32)
     image[20, 20, 5] = value
-    write_nifti(tmp_path / "image.nii", image, affine_of())
+    scans.write_nifti(tmp_path / "image.nii", image, scans.affine_of())
     refused(tmp_path, "image.nii: 1 of its voxels", columns={"mask": "mask.nii", "image": "image.nii"})
 
 
 def test_boundary_that_is_no_boundary(tmp_path):
-    write_nifti(tmp_path / "edges.nii", MASK * 0, affine_of())
+    scans.write_nifti(tmp_path / "edges.nii", MASK * 0, scans.affine_of())
     refused(tmp_path, "boundary maps are empty", columns={"boundary": "edges.nii"})
-    write_nifti(tmp_path / "edges.nii", grey(MASK > 0), affine_of())
+    scans.write_nifti(tmp_path / "edges.nii", scans.grey(MASK > 0), scans.affine_of())
     refused(tmp_path, "different values", columns={"boundary": "edges.nii"})
 
 
 def test_scan_of_one_grey_value(tmp_path):
-    write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), affine_of())
+    scans.write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), scans.affine_of())
     refused(tmp_path, "image.nii", columns={"image": "image.nii"})
 
 
@@ -239,10 +234,10 @@ def test_scan_of_one_grey_value(tmp_path):
 def hospital(tmp_path_factory):
     """A series, its SEG and its RTSTRUCT."""
     folder = tmp_path_factory.mktemp("hospital")
-    series = write_series(folder / "dicom", grey(MASK > 0), dicom_affine())
-    write_seg(folder / "seg.dcm", {"organ": MASK > 0}, series, ["organ"])
-    write_structure_set(folder / "rt.dcm", {"organ": outlines(MASK > 0, dicom_affine())})
-    write_nifti(folder / "mask.nii", MASK, dicom_affine())
+    series = scans.write_series(folder / "dicom", scans.grey(MASK > 0), scans.dicom_affine())
+    scans.write_seg(folder / "seg.dcm", {"organ": MASK > 0}, series, ["organ"])
+    scans.write_structure_set(folder / "rt.dcm", {"organ": scans.outlines(MASK > 0, scans.dicom_affine())})
+    scans.write_nifti(folder / "mask.nii", MASK, scans.dicom_affine())
     return folder
 
 
@@ -252,6 +247,7 @@ def ward(hospital, tmp_path):
 
 
 IMAGE = {"image": "dicom", "mask": "mask.nii"}
+SEG, RT = {"mask": "seg.dcm"}, {"mask": "rt.dcm"}
 
 
 def test_missing_slices(ward):
@@ -264,78 +260,93 @@ def test_missing_slices(ward):
 def test_uneven_slices(tmp_path):
     heights = np.arange(14.0)
     heights[5] += 0.3
-    write_series(tmp_path / "dicom", grey(MASK > 0), dicom_affine(), heights=heights)
-    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
+    scans.write_series(tmp_path / "dicom", scans.grey(MASK > 0), scans.dicom_affine(), heights=heights)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.dicom_affine())
     refused(tmp_path, "unevenly spaced", columns=IMAGE, fill_gaps=False)
 
 
-def test_two_time_points(ward):
+def test_tilted_gantry_and_a_mask_on_another_grid(tmp_path):
+    affine = scans.dicom_affine()
+    affine[1, 2] += 1.5
+    scans.write_series(tmp_path / "dicom", scans.grey(MASK > 0), affine)
+    scans.write_nifti(tmp_path / "mask.nii", MASK, scans.dicom_affine())
+    refused(tmp_path, "its grid", "is not that of", columns=IMAGE)
+
+
+def without(*numbers):
+    """Removes slices of the series."""
+    return lambda ward: [(ward / "dicom" / f"{number:03d}.dcm").unlink() for number in numbers]
+
+
+def edited(change):
+    """Changes the header of a slice."""
+
+    def edit(ward):
+        dataset = pydicom.dcmread(ward / "dicom" / "021.dcm")
+        change(dataset)
+        dataset.save_as(ward / "dicom" / "021.dcm")
+
+    return edit
+
+
+def second_time_point(ward):
     for path in sorted((ward / "dicom").iterdir()):
         dataset = pydicom.dcmread(path)
         dataset.SOPInstanceUID += ".1"
         dataset.save_as(path.with_name(f"again{path.name}"))
-    refused(ward, "several images lie at the position", columns=IMAGE)
 
 
-def test_two_series_in_a_folder(ward):
-    write_series(ward / "dicom" / "b", grey(MASK > 0), dicom_affine(), uid="second")
-    refused(ward, "2 DICOM series", "b (CT series 1, 14 images)", columns=IMAGE)
+def second_series(ward):
+    scans.write_series(ward / "dicom" / "b", scans.grey(MASK > 0), scans.dicom_affine(), uid="second")
 
 
-def test_mixed_geometry(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
-    dataset = pydicom.dcmread(path)
-    dataset.PixelSpacing = ["1.0", "1.0"]
-    dataset.save_as(path)
-    refused(ward, "differs", "PixelSpacing", columns=IMAGE)
-
-
-def test_no_position(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
-    dataset = pydicom.dcmread(path)
-    del dataset.ImagePositionPatient
-    dataset.save_as(path)
-    refused(ward, "no ImagePositionPatient", columns=IMAGE)
-
-
-def test_tilted_gantry_and_a_mask_on_another_grid(tmp_path):
-    affine = dicom_affine()
-    affine[1, 2] += 1.5
-    write_series(tmp_path / "dicom", grey(MASK > 0), affine)
-    write_nifti(tmp_path / "mask.nii", MASK, dicom_affine())
-    refused(tmp_path, "its grid", "is not that of", columns=IMAGE)
-
-
-def test_truncated_slice(ward):
-    path = sorted((ward / "dicom").iterdir())[3]
+def truncated_slice(ward):
+    path = ward / "dicom" / "021.dcm"
     path.write_bytes(path.read_bytes()[:-500])
-    refused(ward, path.name, "cannot be decoded", columns=IMAGE)
 
 
-def test_folder_without_dicom(ward):
+def no_slices(ward):
     shutil.rmtree(ward / "dicom")
     (ward / "dicom").mkdir()
     (ward / "dicom" / "notes.txt").write_text("no scan")
-    refused(ward, "no DICOM images in this folder", columns=IMAGE)
 
 
-def test_ct_slice_as_mask(ward):
-    refused(ward, "DICOM CT, not a mask", columns={"image": "dicom", "mask": "dicom/007.dcm"})
+#: What is done to the ward, what the row names, and what the line says.
+WARD = {
+    "two time points": (second_time_point, IMAGE, ["several images lie at the position"]),
+    "two series": (second_series, IMAGE, ["2 DICOM series", "b (CT series 1, 14 images)"]),
+    "mixed geometry": (
+        edited(lambda dataset: setattr(dataset, "PixelSpacing", ["1.0", "1.0"])),
+        IMAGE,
+        ["differs", "PixelSpacing"],
+    ),
+    "no position": (
+        edited(lambda dataset: delattr(dataset, "ImagePositionPatient")),
+        IMAGE,
+        ["no ImagePositionPatient"],
+    ),
+    "a truncated slice": (truncated_slice, IMAGE, ["021.dcm", "cannot be decoded"]),
+    "a folder without DICOM": (no_slices, IMAGE, ["no DICOM images in this folder"]),
+    "a slice as mask": (without(), IMAGE | {"mask": "dicom/007.dcm"}, ["DICOM CT, not a mask"]),
+    "a SEG of slices that are not there": (
+        without(49, 56, 63, 70, 77, 84, 91),
+        IMAGE | {"mask": "seg.dcm"},
+        ["seg.dcm: it refers to", "that dicom does not have"],
+    ),
+    "no such segment": (without(), SEG | {"label": "liver"}, ["no segment 'liver'", "1 (organ)"]),
+    "no such ROI": (without(), RT | {"label": "liver"}, ["no ROI 'liver'", "1 (organ)"]),
+    "a boundary map beside contours": (
+        nifti(MASK, scans.dicom_affine(), "edges.nii"),
+        RT | {"boundary": "edges.nii"},
+        ["boundary"],
+    ),
+}
 
 
-def test_seg_of_slices_that_are_not_there(ward):
-    for name in ("049.dcm", "056.dcm", "063.dcm", "070.dcm", "077.dcm", "084.dcm", "091.dcm"):
-        (ward / "dicom" / name).unlink()
-    refused(
-        ward,
-        "seg.dcm: it refers to",
-        "that dicom does not have",
-        columns={"image": "dicom", "mask": "seg.dcm"},
-    )
-
-
-def test_seg_without_that_segment(ward):
-    refused(ward, "no segment 'liver'", "1 (organ)", columns={"mask": "seg.dcm", "label": "liver"})
+@pytest.mark.parametrize(("spoil", "columns", "parts"), WARD.values(), ids=WARD)
+def test_bad_dicom(ward, spoil, columns, parts):
+    spoil(ward)
+    refused(ward, *parts, columns=columns)
 
 
 def test_truncated_seg_and_rtstruct(ward):
@@ -345,29 +356,31 @@ def test_truncated_seg_and_rtstruct(ward):
         refused(ward, name, columns={"mask": name, "image": "dicom"})
 
 
-def test_rtstruct_without_that_roi(ward):
-    refused(ward, "no ROI 'liver'", "1 (organ)", columns={"mask": "rt.dcm", "label": "liver"})
-
-
 def drawn(folder, contours, *parts, kind="CLOSED_PLANAR", **columns):
-    write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
+    scans.write_structure_set(folder / "rt.dcm", {"organ": contours}, kind=kind)
     refused(folder, "rt.dcm: ", *parts, columns={"mask": "rt.dcm", **columns})
 
 
-def test_open_contours(tmp_path):
-    drawn(tmp_path, [circle(z) for z in range(5)], "open contour", kind="OPEN_PLANAR")
+RINGS = [circle(z) for z in range(5)]
+CROSSED = np.array([(0, 0, 5), (10, 10, 5), (10, 0, 5), (0, 10, 5)], float)
+HOLED = changed(circle(2), 3, np.nan)
+#: Contours, how they are drawn, and what the line says.
+CONTOURS = {
+    "open": (RINGS, "OPEN_PLANAR", "open contour"),
+    "points": ([ring[:1] for ring in RINGS], "POINT", "points only"),
+    "crossed": ([*RINGS, CROSSED], "CLOSED_PLANAR", "crosses itself"),
+    "two that cross": ([*RINGS, circle(3, centre=(12.0, 0.0))], "CLOSED_PLANAR", "cross each other"),
+    "in other planes": ([*RINGS, circle(4)[:, [2, 0, 1]]], "CLOSED_PLANAR", "parallel planes"),
+    "lines": ([ring[:2] for ring in RINGS], "CLOSED_PLANAR", "encloses an area"),
+    "turning lines": ([circle(z)[[z, z + 10]] for z in range(5)], "CLOSED_PLANAR", "encloses an area"),
+    "a line": ([circle(0)[:2]], "CLOSED_PLANAR", "encloses an area"),
+    "not finite": ([*RINGS[:2], HOLED, *RINGS[3:]], "CLOSED_PLANAR", "not finite"),
+}
 
 
-@pytest.mark.parametrize(
-    ("further", "problem"),
-    [
-        (np.array([(0, 0, 5), (10, 10, 5), (10, 0, 5), (0, 10, 5)], float), "crosses itself"),
-        (circle(3, centre=(12.0, 0.0)), "cross each other"),
-        (circle(4)[:, [2, 0, 1]], "parallel planes"),
-    ],
-)
-def test_contours_that_do_not_fit_together(tmp_path, further, problem):
-    drawn(tmp_path, [*map(circle, range(5)), further], problem)
+@pytest.mark.parametrize(("contours", "kind", "problem"), CONTOURS.values(), ids=CONTOURS)
+def test_bad_contours(tmp_path, contours, kind, problem):
+    drawn(tmp_path, contours, problem, kind=kind)
 
 
 def test_contours_across_the_slices(ward):
@@ -376,37 +389,10 @@ def test_contours_across_the_slices(ward):
     drawn(ward, contours, "not parallel to the image's slices", image="dicom")
 
 
-@pytest.mark.parametrize(
-    "contours",
-    [
-        [circle(z)[:2] for z in range(5)],
-        [circle(z)[[z, z + 10]] for z in range(5)],  # in many directions
-        [circle(0)[:2]],
-    ],
-)
-def test_contours_without_area(tmp_path, contours):
-    drawn(tmp_path, contours, "encloses an area")
-
-
-def test_points_only(tmp_path):
-    drawn(tmp_path, [circle(z)[:1] for z in range(5)], "points only", kind="POINT")
-
-
 def test_roi_without_contours(tmp_path):
-    write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
+    scans.write_structure_set(tmp_path / "rt.dcm", {"organ": [], "body": [circle(1)]})
     columns = {"mask": "rt.dcm", "label": "organ"}
     refused(tmp_path, "'organ' has no contours", "choose one of body", columns=columns)
-
-
-def test_contours_that_are_not_finite(tmp_path):
-    contours = [circle(z) for z in range(5)]
-    contours[2][3] = np.nan
-    drawn(tmp_path, contours, "not finite")
-
-
-def test_rtstruct_beside_boundary(ward):
-    write_nifti(ward / "edges.nii", MASK, dicom_affine())
-    refused(ward, "boundary", columns={"mask": "rt.dcm", "boundary": "edges.nii"})
 
 
 @pytest.mark.parametrize(
@@ -414,7 +400,7 @@ def test_rtstruct_beside_boundary(ward):
     [([*range(14), 3], "Multiple frames"), ([*range(5), *range(6, 14)], "regularly-spaced")],
 )
 def test_frames_that_are_no_volume(tmp_path, frames, words):
-    write_enhanced(tmp_path / "enhanced.dcm", grey(MASK > 0), dicom_affine(), frames)
+    scans.write_enhanced(tmp_path / "enhanced.dcm", scans.grey(MASK > 0), scans.dicom_affine(), frames)
     refused(tmp_path, "no volume can be made of its frames", words, columns={"image": "enhanced.dcm"})
 
 
@@ -431,7 +417,7 @@ CRASHES = [
 
 @pytest.mark.parametrize(("name", "field", "instead"), CRASHES)
 def test_headers_that_crash_a_library(tmp_path, name, field, instead):
-    content = write_itk(tmp_path / name, MASK, affine_of()).read_bytes()
+    content = scans.write_itk(tmp_path / name, MASK, scans.affine_of()).read_bytes()
     assert field in content
     (tmp_path / name).write_bytes(content.replace(field, instead))
     refused(tmp_path, name, columns={"mask": name})
@@ -439,8 +425,8 @@ def test_headers_that_crash_a_library(tmp_path, name, field, instead):
 
 @pytest.mark.parametrize("name", ["mask.nii", "mask.mhd"])
 def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
-    write = write_nifti if name.endswith("nii") else write_itk
-    path = write(tmp_path / name, MASK, affine_of())
+    write = scans.write_nifti if name.endswith("nii") else scans.write_itk
+    path = write(tmp_path / name, MASK, scans.affine_of())
     content = bytearray(path.read_bytes())
     if name.endswith("nii"):
         content[42:48] = np.array([2000, 2000, 900], "<i2").tobytes()
@@ -456,7 +442,7 @@ def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
 def loads_or_refuses(folder, columns):
     """Either a structure or one line; any other error fails the test."""
     try:
-        structure = load_structure(row(**columns), folder, settings())
+        structure = load_structure(scans.row(**columns), folder, scans.settings())
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
         assert str(error).startswith("cohort.tsv row 2: ")  # noqa: PT017
@@ -478,8 +464,8 @@ def test_damaged_bytes(tmp_path_factory, suffix, data):
     folder = tmp_path_factory.getbasetemp()
     path = folder / f"mask.{suffix}"
     small = MASK[10:24, 10:24, 3:9]
-    write = write_nifti if suffix.startswith("nii") else write_itk
-    write(path, np.ascontiguousarray(small), affine_of())
+    write = scans.write_nifti if suffix.startswith("nii") else scans.write_itk
+    write(path, np.ascontiguousarray(small), scans.affine_of())
     content = bytearray(gzip.decompress(path.read_bytes()) if suffix == "nii.gz" else path.read_bytes())
     header = min(len(content), 352)
     for _ in range(data.draw(st.integers(1, 4))):
@@ -519,10 +505,52 @@ def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
     folder = tmp_path_factory.getbasetemp()
     contours = [circle(z) for z in range(5)]
     contours += [np.column_stack([np.add(s, (40, 0)), np.full(len(s), 2.0)]) for s in shapes]
-    write_structure_set(folder / "any.dcm", {"organ": contours})
+    scans.write_structure_set(folder / "any.dcm", {"organ": contours})
     try:
-        curves = load_structure(row(mask="any.dcm"), folder, settings()).contours
+        curves = load_structure(scans.row(mask="any.dcm"), folder, scans.settings()).contours
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
         assert all(shapely.LinearRing(points).is_simple for points in curves)
+
+
+# what is doubtful is said ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("apart", "said"), [(50.0, True), (0.2, False)])
+def test_two_affines_that_disagree_are_said(tmp_path, apart, said):
+    mask = np.zeros((8, 9, 10), np.uint8)
+    mask[2:6, 2:6, 2:6] = 1
+    moved = np.eye(4)
+    moved[0, 3] = apart
+    image = nibabel.Nifti1Image(mask, np.eye(4))
+    image.set_qform(moved, 1)
+    image.set_sform(np.eye(4), 1)
+    nibabel.save(image, tmp_path / "mask.nii")
+    notes = read_volume(tmp_path / "mask.nii").warnings
+    line = "mask.nii: its sform and qform put it up to 50 mm apart; the sform is used"
+    assert notes == ([line] if said else [])
+    assert (line in cccd.read(tmp_path / "mask.nii").warnings) == said
+
+
+@pytest.mark.parametrize("asked", ["zero.nii.gz", "mask.nii.gz"])
+def test_a_name_is_near_by_itself_and_not_by_its_suffix(tmp_path, asked):
+    (tmp_path / "one.nii.gz").write_bytes(b"")
+    (tmp_path / "masks").mkdir()
+    with pytest.raises(InputError, match=f"there is no {asked} in .*; correct the path"):
+        existing(tmp_path / asked, "mask")
+
+
+@pytest.mark.parametrize(("asked", "hint"), [("splen", "did you mean 'spleen'?"), ("9", "choose one of 5 ")])
+def test_a_label_is_near_the_name_of_another(asked, hint):
+    with pytest.raises(InputError, match=f"it has no label '{asked}'; {re.escape(hint)}"):
+        choose_labels({5: "liver", 7: "spleen", 8: ""}, asked, "organ", "scan.nii", "label")
+
+
+def test_a_file_without_permission_says_so(tmp_path, monkeypatch):
+    path = tmp_path / "mask.nii"
+    path.touch(0o000)
+    if os.geteuid() == 0:  # root may read everything
+        monkeypatch.setattr(os, "access", lambda path, _: bool(os.stat(path).st_mode & 0o400))
+    with pytest.raises(InputError, match=r"you may not read mask\.nii; change its rights"):
+        cccd.read(path)

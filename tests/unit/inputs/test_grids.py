@@ -63,13 +63,6 @@ def test_slice_axis():
     assert find_slice_axis(np.diag([1, 5, 1, 1.0]), 0) == 0
 
 
-def test_slice_axis_by_configuration(tmp_path):
-    affine = around_ball((1, 1, 3), (0, 0, 0), False)
-    write_nifti(tmp_path / "mask.nii", ball(affine, (40, 40, 40)).astype(np.uint8), affine)
-    structure = load_structure(row(mask="mask.nii"), tmp_path, settings(slice_axis=0))
-    assert structure.frame.slice_axis == 0
-
-
 @hypothesis_settings(deadline=None)
 @given(
     st.permutations(range(3)),

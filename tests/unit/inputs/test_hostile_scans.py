@@ -3,20 +3,7 @@
 import numpy as np
 import pydicom
 import pytest
-from support.scans import (
-    ROOT,
-    dicom_affine,
-    grey,
-    organ,
-    outlines,
-    row,
-    settings,
-    write_itk,
-    write_nifti,
-    write_seg,
-    write_series,
-    write_structure_set,
-)
+from support import scans
 
 from cccd import store
 from cccd.errors import InputError
@@ -28,9 +15,10 @@ from cccd_dicom.rtstruct import write_rtstruct
 from cccd_viewers.viewer import case_figure
 from cccd_workflow.report.page import build_case_page
 
-MASK = organ()  # 44 x 38 x 14 voxels
+MASK = scans.organ()  # 44 x 38 x 14 voxels
+TETRAHEDRON = Mesh(np.eye(4, 3, -1), np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
 MARK = "Zaphod"
-TEMPLATES = ROOT / "workflow" / "report"
+TEMPLATES = scans.ROOT / "workflow" / "report"
 WHO = f"<img src=x onerror=steal()>^{MARK}"
 #: What PS3.15, annex E, has removed of these, and free text in which people write names.
 IDENTITY = (
@@ -42,10 +30,10 @@ IDENTITY = (
 
 def identified_series(folder):
     """A series with its organ as SEG and RTSTRUCT, in each of which every such attribute names somebody."""
-    affine = dicom_affine()
-    series = write_series(folder / "scan", grey(MASK), affine)
-    write_seg(folder / "seg.dcm", {"organ": MASK}, series, ["organ"])
-    write_structure_set(folder / "rt.dcm", {"organ": outlines(MASK, affine)})
+    affine = scans.dicom_affine()
+    series = scans.write_series(folder / "scan", scans.grey(MASK), affine)
+    scans.write_seg(folder / "seg.dcm", {"organ": MASK}, series, ["organ"])
+    scans.write_structure_set(folder / "rt.dcm", {"organ": scans.outlines(MASK, affine)})
     for path in [*folder.rglob("*.dcm")]:
         dataset = pydicom.dcmread(path)
         for keyword in IDENTITY:
@@ -56,7 +44,7 @@ def identified_series(folder):
 @pytest.mark.parametrize("mask", ["seg.dcm", "rt.dcm"])
 def test_who_the_patient_is_stays_in_the_scan(tmp_path, mask):
     identified_series(tmp_path)
-    structure = load_structure(row(image="scan", mask=mask), tmp_path, settings())
+    structure = load_structure(scans.row(image="scan", mask=mask), tmp_path, scans.settings())
     store.write_structure(tmp_path / "structure.h5", structure)
     assert MARK.encode() not in (tmp_path / "structure.h5").read_bytes()
     assert MARK not in str(structure.provenance) + str(structure.warnings)
@@ -64,19 +52,18 @@ def test_who_the_patient_is_stays_in_the_scan(tmp_path, mask):
 
 def test_nor_does_a_message_say_it(tmp_path):
     identified_series(tmp_path)
-    write_series(tmp_path / "scan" / "again", grey(MASK), dicom_affine(), uid=MARK)
+    scans.write_series(tmp_path / "scan" / "again", scans.grey(MASK), scans.dicom_affine(), uid=MARK)
     with pytest.raises(InputError, match="2 DICOM series") as caught:
-        load_structure(row(image="scan"), tmp_path, settings())
+        load_structure(scans.row(image="scan"), tmp_path, scans.settings())
     assert MARK not in str(caught.value)
 
 
 @pytest.mark.parametrize("keep", [False, True])
 def test_the_structure_set_says_it_when_asked(tmp_path, keep):
     identified_series(tmp_path)
-    frame = load_structure(row(image="scan", mask="seg.dcm"), tmp_path, settings()).frame
-    corners = np.array([[0, 0, 0], [10, 0, 0], [0, 10, 0], [0, 0, 10]], float)
-    corners += frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
-    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
+    frame = load_structure(scans.row(image="scan", mask="seg.dcm"), tmp_path, scans.settings()).frame
+    corners = 10 * TETRAHEDRON.vertices + frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
+    mesh = Mesh(corners, TETRAHEDRON.faces)
     path = tmp_path / "out.dcm"
     write_rtstruct(path, mesh, frame, name="x", reference=tmp_path / "scan", keep_patient=keep)
     written = pydicom.dcmread(path)
@@ -89,13 +76,11 @@ def test_the_structure_set_says_it_when_asked(tmp_path, keep):
 
 
 def test_names_of_labels_are_text_on_a_page(tmp_path):
-    corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)
-    mesh = Mesh(corners, np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]]))
     told = {"organ": "a", "name": WHO + "</script><script>steal()", "color": "#ffffff", "volume_ml": 1.0}
     scene = {"case": "<b>case</b>", "organs": [told]}
-    build_case_page(scene, {"a": mesh}, TEMPLATES, tmp_path / "page.html")
+    build_case_page(scene, {"a": TETRAHEDRON}, TEMPLATES, tmp_path / "page.html")
     page = (tmp_path / "page.html").read_text(encoding="utf-8")
-    (shown,) = case_figure([told], {"a": mesh})["data"]
+    (shown,) = case_figure([told], {"a": TETRAHEDRON})["data"]
     assert "&lt;img" in shown["name"]
     assert "<" not in shown["name"]
     assert "<img src=x" not in page
@@ -105,16 +90,16 @@ def test_names_of_labels_are_text_on_a_page(tmp_path):
 
 def asks(folder, kind):
     """Write the organ in one way, and give the columns that name it."""
-    affine = dicom_affine()
+    affine = scans.dicom_affine()
     if kind == "nifti":
-        write_nifti(folder / "m.nii.gz", MASK.astype(np.uint8), affine)
+        scans.write_nifti(folder / "m.nii.gz", MASK.astype(np.uint8), affine)
     elif kind == "nrrd":
-        write_itk(folder / "m.nrrd", MASK.astype(np.uint8), affine)
+        scans.write_itk(folder / "m.nrrd", MASK.astype(np.uint8), affine)
     elif kind == "rtstruct":
-        write_structure_set(folder / "m.dcm", {"organ": outlines(MASK, affine)})
+        scans.write_structure_set(folder / "m.dcm", {"organ": scans.outlines(MASK, affine)})
     else:
-        series = write_series(folder / "scan", grey(MASK), affine)
-        write_seg(folder / "m.dcm", {"organ": MASK}, series, ["organ"])
+        series = scans.write_series(folder / "scan", scans.grey(MASK), affine)
+        scans.write_seg(folder / "m.dcm", {"organ": MASK}, series, ["organ"])
     names = {"nifti": "m.nii.gz", "nrrd": "m.nrrd"}
     return {"image": "scan" if kind == "series" else "", "mask": names.get(kind, "m.dcm")}
 
@@ -134,7 +119,7 @@ def asks(folder, kind):
 )
 def test_what_a_file_may_ask_for(monkeypatch, tmp_path, kind, limit, most):
     columns = asks(tmp_path, kind)
-    load_structure(row(**columns), tmp_path, settings())
+    load_structure(scans.row(**columns), tmp_path, scans.settings())
     path = tmp_path / (columns["image"] or columns["mask"])
     monkeypatch.setitem(MOST, limit, most - 1)
     read = {

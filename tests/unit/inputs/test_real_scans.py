@@ -11,7 +11,6 @@ from support.scans import DATA, empty_uids, full, referred, row, settings
 
 from cccd.cli import main
 from cccd.containers import Sections
-from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
@@ -120,8 +119,3 @@ def test_a_structure_set_keeps_its_volume_in_one_piece():
     volumes = [part.volume for part in trimesh.Trimesh(surface.vertices, surface.faces).split()]
     assert sum(volumes) == pytest.approx(drawn, rel=0.01)
     assert max(volumes) == pytest.approx(drawn, rel=0.01)
-
-
-def test_structure_set_lists_its_rois():
-    with pytest.raises(InputError, match=r"no ROI 'Liver'; choose one of 1 \(BODY\).*6 \(Lt Lung\)"):
-        load(mask="dicom_rtstruct_dicompyler/rtstruct.dcm", label="Liver")

@@ -8,10 +8,6 @@ SCHEMA = FeatureSchema(
 )
 
 
-def test_a_table_is_as_wide_as_it_has_names():
-    assert SCHEMA.width == len(SCHEMA.names) == len(set(SCHEMA.names)) == 3
-
-
 def test_columns_stand_where_their_names_say_in_whatever_order_they_come():
     turn = np.array([[1.0, 2], [3, 4]])
     table = SCHEMA.assemble({"turn": turn, "length": np.array([5.0, 6])}, np.float32)

@@ -45,14 +45,6 @@ def test_links_know_their_triangles_and_triangles_their_links():
         assert ((both == np.flatnonzero(has)[:, None]).sum(axis=1) == 1).all()
 
 
-def test_links_between_neighbouring_pixels_of_a_chain_are_candidates():
-    chain = border_pixels(disc(14))[0]
-    graph = build_graph(chain)
-    present = {tuple(sorted(link)) for link in graph.links.tolist()}
-    wanted = {tuple(sorted((n, (n + 1) % len(chain)))) for n in range(len(chain))}
-    assert wanted <= present
-
-
 def test_inside_of_a_closed_chain_is_one_region_one_wall_deep():
     graph = build_graph(ring(12))
     centroid = graph.points[graph.triangles].mean(axis=1)

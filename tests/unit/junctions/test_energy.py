@@ -6,6 +6,7 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from cccd_junctions.cut import minimum_cuts
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.energy import (
     EnergyWeights,
@@ -87,3 +88,15 @@ def test_sure_logits_are_followed():
     true = wanted[graph.link_triangles[:, 0]] != wanted[graph.link_triangles[:, 1]]
     logits = np.where(wanted, 50.0, -50.0), np.where(true, 50.0, -50.0)
     assert np.array_equal(least_energy(graph, inference_energy(graph, logits)), wanted)
+
+
+def test_cuts_that_go_on_from_another_are_those_from_the_start():
+    rng = np.random.default_rng(2)
+    graph = build_graph(np.unique(rng.integers(0, 30, (120, 2)), axis=0))
+    unaries = rng.normal(size=(5, len(graph.triangles)))
+    pairwise = rng.exponential(0.7, len(graph.links))
+    together = minimum_cuts(unaries, pairwise, graph.neighbours, graph.triangle_links)
+    for unary, found in zip(unaries, together, strict=True):
+        alone = minimum_cuts([unary], pairwise, graph.neighbours, graph.triangle_links)[0]
+        assert np.array_equal(found, alone)
+        assert 0 < np.count_nonzero(alone) < len(alone)

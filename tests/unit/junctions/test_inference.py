@@ -1,6 +1,3 @@
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -8,22 +5,24 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support import fresh
 
 from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.opencv import border_pixels
+from cccd.settings.junctions import InferenceSettings
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.inference import predict_masks
 from cccd_junctions.labelling import label_slice
 from cccd_junctions.ordering import order_boundaries
+from cccd_training.junctions.labels import inside_shares
 from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
-ENVIRONMENT = os.environ | {"PYTHONPATH": str(Path(__file__).parents[3] / "scripts")}
 SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
 
 
@@ -45,14 +44,18 @@ def blob(hole=False):
     return mask
 
 
+def curves_of(graph, inside, parts=None):
+    masks, origin = fill_inside(graph, inside)
+    return closed_chains(masks, origin, np.zeros(1, int), FRAME, parts)
+
+
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.95))
 def test_any_labelling_gives_closed_strictly_simple_pixel_chains(seed, share):
     rng = np.random.default_rng(seed)
     graph = build_graph(np.unique(rng.integers(0, 25, (60, 2)), axis=0))
     inside = (rng.random(len(graph.triangles)) < share) & ~graph.outer
-    masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
+    curves = curves_of(graph, inside)
     assert curves.polygons.is_simple.all()
     assert on_pixel_chain(curves.points, curves.offsets).all()
     assert ((curves.polygons.signed_areas < 0) == curves.hole).all()
@@ -79,9 +82,7 @@ def test_an_outline_is_taken_as_it_is_whatever_the_logits_say(mask, tip):
     graph = build_graph(raster_order(np.vstack([*chains, extra])))
     rng = np.random.default_rng(0)
     logits = rng.normal(0, 9, len(graph.triangles)), rng.normal(0, 9, len(graph.links))
-    inside = label_slice(graph, logits).inside
-    masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
+    curves = curves_of(graph, label_slice(graph, logits).inside)
     assert {tuple(p) for p in curves.points.astype(int)} == {tuple(p) for p in np.vstack(chains)}
 
 
@@ -103,9 +104,7 @@ def test_closed_curves_are_kept_where_the_cut_finds_nothing():
     spur = chain[0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])
     graph = build_graph(raster_order(np.vstack([chain, spur])))
     logits = np.full(len(graph.triangles), -9.0), np.zeros(len(graph.links))
-    inside = label_slice(graph, logits).inside
-    masks, origin = fill_inside(graph, inside)
-    curves = closed_chains(masks, origin, np.zeros(1, int), FRAME)
+    curves = curves_of(graph, label_slice(graph, logits).inside)
     assert score_slice(list(curves), [chain]).correct
 
 
@@ -202,10 +201,7 @@ def test_the_order_of_pixels_and_of_slices_changes_nothing(shipped):
 
 def test_the_library_orders_without_torch():
     code = "import sys; from cccd_junctions.ordering import order_boundaries; print('torch' in sys.modules)"
-    found = subprocess.run(
-        [sys.executable, "-c", code], env=ENVIRONMENT, capture_output=True, text=True, check=True
-    )
-    assert found.stdout.split() == ["False"]
+    assert fresh.python(code).split() == ["False"]
 
 
 def test_an_image_is_read_where_its_origin_says(shipped):
@@ -215,3 +211,50 @@ def test_an_image_is_read_where_its_origin_says(shipped):
     shifted = boundaries([sample.pixels + np.array([11, 5])], [30])
     there, _ = order_boundaries(shifted, shipped, sample.image[None], (30, 11, 5))
     assert np.array_equal(np.add(here.points, (11, 5)), there.points)
+
+
+def dumbbell(neck=5):
+    """Two squares, and a neck between them, along which the map shows nothing."""
+    mask = np.zeros((60, 110), np.uint8)
+    mask[15:45, 10:40] = mask[15:45, 70:100] = 1
+    mask[30 - neck // 2 : 31 + neck // 2, 40:70] = 1
+    chain = border_pixels(mask)[0]
+    return mask, chain, chain[(chain[:, 1] < 40) | (chain[:, 1] > 69)]
+
+
+def logits_of(graph, mask, doubted, sure=3.0, doubt=-0.5):
+    """Sure of every triangle but those whose centre lies in doubted columns, which look outside."""
+    inside = inside_shares(graph, border_pixels(mask)) > 0.5
+    centre = graph.points[graph.triangles].mean(axis=1)[:, 1]
+    within = np.where(inside, sure, -sure)
+    within[inside & (centre > doubted[0]) & (centre < doubted[1])] = doubt
+    return within, np.full(len(graph.links), 1.0)
+
+
+def test_two_pieces_are_joined_where_a_row_allows_one():
+    mask, chain, seen = dumbbell()
+    graph = build_graph(raster_order(seen))
+    for doubt in (-0.2, -0.5, -1.0):
+        logits = logits_of(graph, mask, (40, 69), doubt=doubt)
+        joined = curves_of(graph, label_slice(graph, logits, 1).inside, 1)
+        assert score_slice(list(joined), [chain]).dice > 0.8
+    assert len(curves_of(graph, label_slice(graph, logits, rerank=False).inside)) == 2
+
+
+def test_a_hole_is_filled_where_a_part_is_wanted_and_stays_where_none_is():
+    chains = border_pixels(blob(hole=True))
+    spur = chains[0][0] + np.column_stack([-np.arange(1, 9), np.zeros(8, int)])  # no outline as it is
+    graph = build_graph(raster_order(np.vstack([*chains, spur])))
+    inside = inside_shares(graph, chains) > 0.5
+    logits = np.where(inside, 4.0, -4.0), np.zeros(len(graph.links))
+    assert len(curves_of(graph, label_slice(graph, logits, rerank=False).inside)) == 2
+    (curve,) = curves_of(graph, label_slice(graph, logits, 1).inside, 1)
+    assert score_slice([curve], chains[:1]).correct
+
+
+def test_an_outline_of_several_parts_is_held_to_fewer_as_well():
+    mask, _, _ = dumbbell()
+    mask[:, 40:70] = 0
+    maps = boundaries([raster_order(np.vstack(border_pixels(mask)))])
+    found = [order_boundaries(maps, None, settings=InferenceSettings(parts=parts))[0] for parts in (None, 1)]
+    assert [len(curves) for curves in found] == [2, 1]

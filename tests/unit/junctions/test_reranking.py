@@ -3,8 +3,7 @@ import hashlib
 import numpy as np
 import pytest
 import torch
-from test_inference import SHIPPED, raster_order
-from test_parts import dumbbell, logits_of
+from test_inference import SHIPPED, dumbbell, logits_of, raster_order
 
 from cccd.geometry.opencv import border_pixels
 from cccd_junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, describe, pieces

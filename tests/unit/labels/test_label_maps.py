@@ -33,11 +33,8 @@ def names(path, table=None):
     return {label.label: label.organ for label in list_map(path, table)}
 
 
-def test_labels_without_names_are_called_by_their_number(nifti):
+def test_labels_without_names_are_called_by_their_number_and_one_voxel_is_left_out(nifti):
     assert names(nifti) == {"5": "label_5", "7": "label_7", "9": "label_9", "17": "label_17"}
-
-
-def test_one_voxel_is_left_out_and_says_so(nifti):
     assert [label.left_out for label in list_map(nifti)] == ["", "", "a single voxel", ""]
 
 

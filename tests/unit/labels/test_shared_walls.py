@@ -1,5 +1,6 @@
 """Organs with shared walls: nothing twice, nothing left out, each closed, smooth lines where three meet."""
 
+import functools
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd_labels.label_fields import LabelFields, level_blocks
 from cccd_labels.shared_walls import share_walls
+from cccd_labels.surface_nets import surface_nets, well_composed
+from cccd_labels.wall_decimation import simplified
 
 REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
@@ -60,10 +63,14 @@ def walls_of(labels, affine=None):
     return share_walls(organs_of(labels, affine), LoftSettings())
 
 
-@pytest.fixture(scope="module", params=[half_balls, sectors, nested, shell], ids=lambda make: make.__name__)
+@functools.cache
+def organs_and_walls(make):
+    return organs_of(make()), walls_of(make())
+
+
+@pytest.fixture(params=[half_balls, sectors, nested, shell], ids=lambda make: make.__name__)
 def joined(request):
-    organs = organs_of(request.param())
-    return organs, share_walls(organs, LoftSettings())
+    return organs_and_walls(request.param)
 
 
 def solid(mesh):
@@ -110,7 +117,7 @@ def test_walls_are_smooth_up_to_the_lines_where_they_meet(joined):
 
 
 def test_a_wall_between_half_balls_is_a_plane():
-    shared = walls_of(half_balls())
+    shared = organs_and_walls(half_balls)[1]
     wall = shared.surface.wall(2, 1).vertices - CENTRE
     inner = np.hypot(wall[:, 1], wall[:, 2]) < RADIUS - 2
     assert wall[inner, 0].std() < 0.03
@@ -119,8 +126,7 @@ def test_a_wall_between_half_balls_is_a_plane():
 
 
 def test_the_line_where_three_sectors_meet_is_straight():
-    shared = walls_of(sectors())
-    surface = shared.surface
+    surface = organs_and_walls(sectors)[1].surface
     inside = surface.regions.min(axis=1) > 0
     edges = np.unique(surface.junctions)
     outer = np.unique(surface.triangles[~inside])
@@ -182,7 +188,7 @@ def test_an_organ_without_a_neighbour_is_where_it_is_alone():
     labels, settings = np.where(ball()[3] < RADIUS, 1, 0), LoftSettings()
     alone = reconstruct_mask(organs_of(labels)[1], settings).mesh
     # half of it, which shares a wall with the other half, has the same outside away from the wall
-    halves = walls_of(half_balls()).surface
+    halves = organs_and_walls(half_balls)[1].surface
     outer = Mesh(halves.vertices, halves.triangles[halves.regions[:, 1] == 0])
     points = outer.sample(5000, np.random.default_rng(0))
     assert unsigned_to_mesh(points[np.abs(points[:, 0] - CENTRE[0]) > 4], alone).mean() < 0.03
@@ -251,3 +257,51 @@ def test_an_organ_that_passes_through_itself_says_so_with_the_number_of_places()
             line for line in shared.organ(label, organ, LoftSettings()).report["warnings"] if "itself" in line
         ]
         assert (f"in {places} place" in said[0]) if places else said == []
+
+
+@pytest.fixture(scope="module")
+def halves():
+    """Two half balls of a radius of 20 on a net whose vertices lie on the truth."""
+    centre = np.array([24.3, 24.1, 24.2])
+    place = np.indices((49, 49, 49)) - centre.reshape(3, 1, 1, 1)
+    radius = np.linalg.norm(place, axis=0)
+    labels = np.where(radius < 20, np.where(place[0] < 0, 1, 2), 0).astype(np.int32)
+    net = surface_nets(labels, lambda nodes, ends, low, high: np.full(len(nodes), 0.5))
+    outward = net.vertices - centre
+    within = net.regions.min(axis=1) > 0
+    outward[np.unique(net.triangles[within]), 0] = 0
+    outer = np.isin(np.arange(len(outward)), net.triangles[~within])
+    away = np.linalg.norm(outward, axis=1, keepdims=True)
+    outward = np.where(outer[:, None], 20 * outward / away, outward)
+    return type(net)(outward, net.triangles, net.regions)
+
+
+@pytest.mark.parametrize("tolerance", [0.02, 0.05, 0.2])
+def test_what_is_left_lies_on_the_walls(halves, tolerance):
+    fewer = simplified(halves, tolerance)
+    outer = Mesh(fewer.vertices, fewer.triangles[fewer.regions[:, 1] == 0])
+    off = np.linalg.norm(outer.sample(5000, np.random.default_rng(0)), axis=1) - 20
+    assert np.abs(off).mean() < tolerance
+    wall = fewer.vertices[np.unique(fewer.triangles[fewer.regions.min(axis=1) > 0])]
+    assert np.abs(wall[:, 0]).max() < 1e-6
+    for mesh in map(fewer.mesh_of, (1, 2)):
+        assert (mesh.is_closed_manifold, mesh.genus) == (True, 0)
+
+
+def test_a_plane_needs_least_and_lines_keep_their_vertices(halves):
+    fewer = simplified(halves, 0.05)
+    flat, bent = ((surface.regions.min(axis=1) > 0) for surface in (fewer, halves))
+    assert flat.sum() < 0.35 * bent.sum()
+    assert len(fewer.triangles) < 0.4 * len(halves.triangles)
+    lines = [{point.tobytes() for point in one.vertices[one.junctions.ravel()]} for one in (fewer, halves)]
+    assert lines[0] == lines[1]
+
+
+def test_where_a_wall_would_tear_only_what_is_beside_keeps_more():
+    place = np.indices((49,) * 3) - 24.2
+    bars = (place[:2] % 10 < 3).any(axis=0) & (place[2] % 10 < 3) & (np.linalg.norm(place, axis=0) < 21)
+    labels = well_composed(bars.astype(np.int32), lambda nodes, labels: labels.astype(float))[0]
+    net = surface_nets(labels, lambda nodes, *ends: np.full(len(nodes), 0.5))
+    fewer = simplified(net, 0.1)
+    assert len(fewer.triangles) < 0.2 * len(net.triangles)
+    assert fewer.mesh_of(1).is_closed_manifold

@@ -1,8 +1,6 @@
 """The registry names what exists, once, and is light enough to be read at every start of the workflow."""
 
 import inspect
-import subprocess
-import sys
 from pathlib import Path
 from typing import get_args
 
@@ -73,15 +71,6 @@ def test_the_functions_of_a_comparison_accept_what_its_job_passes():
             asked = inspect.signature(find(comparison.figures)).parameters
             wrong += [f"{comparison.figures}: no {name}" for name in asked if name not in passed]
     assert wrong == []
-
-
-def test_reading_the_registry_loads_nothing_heavy():
-    probe = "import sys; from cccd_workflow.report.registry import items; items(); print(*sys.modules)"
-    run = subprocess.run(
-        [sys.executable, "-c", probe], cwd=SCRIPTS, capture_output=True, text=True, check=True
-    )
-    assert "cccd_paper.registry" in run.stdout.split()
-    assert {"numpy", "pandas", "scipy", "torch"}.isdisjoint(run.stdout.split())
 
 
 def test_a_caption_is_no_reason_to_compare_again():

@@ -1,11 +1,9 @@
 """What the rules ask of a plan: files, settings, code, groups; and how quickly it is made."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
-from support import plans
+from support import fresh, plans
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
@@ -337,11 +335,8 @@ print(*sorted({name.split(".")[0] for name in sys.modules}))
 
 
 def test_planning_imports_neither_arrays_nor_networks_nor_snakemake():
-    command = [sys.executable, "-c", PLANNING, ROOT]
-    run = subprocess.run(command, env={"PYTHONPATH": str(ROOT / "scripts")}, capture_output=True, text=True)
-    assert run.returncode == 0, run.stderr
     heavy = {"h5py", "matplotlib", "nibabel", "numpy", "pandas", "pyvista", "scipy", "snakemake", "torch"}
-    assert heavy.isdisjoint(run.stdout.split())
+    assert heavy.isdisjoint(fresh.python(PLANNING, ROOT).split())
 
 
 def test_a_run_on_slurm_is_refused_where_none_answers(monkeypatch, tmp_path):

@@ -6,6 +6,7 @@ import shutil
 from html.parser import HTMLParser
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pandas as pd
 import pytest
@@ -172,19 +173,27 @@ def test_a_network_s_scores_stand_alone_where_nothing_else_is_compared(plain):
     assert not re.search(r"Table \d|Figure \d|made no comparison|did not make", text)
 
 
-def test_names_and_texts_are_escaped(tmp_path):
-    results = tmp_path / "results"
-    evil = "<script>alert(1)</script>"
-    metrics = make_metrics("a", "b", np.random.default_rng(0), (evil,))
-    write_json(results / "a" / "b" / "metrics.json", metrics)
-    (results / "tables").mkdir()
-    pd.DataFrame({evil: [evil, '"><img src=x>'], "n": [1, 2]}).to_csv(
-        results / "tables" / "surfaces.csv", index=False
-    )
-    text = build(results, [("a", "b")], failures=[evil], config=CONFIG | {"cohort": evil})
-    assert evil not in text
-    assert "<img src=x" not in text
-    assert Reader(text).stack == []
+def test_names_and_texts_are_escaped(tmp_path, results):
+    evil, image = "<script>alert(1)</script>", '"><img src=x onerror=alert(1)>'
+    results = shutil.copytree(results, tmp_path / "results")
+    folder = results / "phantom" / "liver"
+    with h5py.File(folder / "structure.h5", "a") as file:
+        provenance = json.loads(file.attrs["provenance"])
+        provenance |= {"source": evil, "files": [{"path": f"{image}.nii", "sha256": evil}]}
+        file.attrs["provenance"] = json.dumps(provenance)
+        file.attrs["warnings"] = json.dumps([evil, image, "</script>" + evil])
+    metrics = make_metrics("phantom", "liver", np.random.default_rng(0), (evil,))
+    write_json(folder / "metrics.json", metrics)
+    table = pd.DataFrame({evil: [evil, image], "n": [1, 2]})
+    table.to_csv(results / "tables" / "surfaces.csv", index=False)
+    texts = [build(results, STRUCTURES, failures=[evil], config=CONFIG | {"cohort": evil})]
+    build_structure_page(results, "phantom", "liver", CONFIG | {"cohort": evil}, folder / "a.html", TEMPLATES)
+    texts.append((folder / "a.html").read_text(encoding="utf-8"))
+    for text in texts:
+        assert "&lt;script&gt;alert(1)" in text  # it is shown, as text
+        assert evil not in text
+        assert "<img src=x" not in text
+        assert Reader(text).stack == []
 
 
 def test_same_inputs_same_bytes(tmp_path, results):

@@ -11,7 +11,6 @@ import pytest
 
 pytest.importorskip("monai")
 
-from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti
@@ -141,11 +140,3 @@ def test_phantoms_that_train_are_others_and_not_cropped_to_the_organ():
         room = np.concatenate([where.min(0), np.array(scan.labels.shape) - 1 - where.max(0)])
         assert room.min() * 5 > 15
     assert scans[0].labels.sum() != scans[1].labels.sum()
-
-
-def test_cccd_segment_says_what_is_wrong_in_one_line(tmp_path, capsys, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    assert main(["segment", "scan.nii.gz", "--segmenter", "hippocampus"]) == 1
-    line = capsys.readouterr().err
-    assert line.startswith("Error: scan: there is no scan.nii.gz")
-    assert line.count("\n") == 1

@@ -30,54 +30,47 @@ def test_default_configuration_is_the_models():
     assert validate_config({}) == whole_settings()()
 
 
-@pytest.mark.parametrize(
-    ("curves", "expected"),
-    [
-        ({"k": 0}, ["config key curves.k", "0", "a number at least 1 ("]),
-        ({"k": 2.5}, ["config key curves.k", "2.5", "whole number"]),
-        ({"k": True}, ["config key curves.k", "true"]),
-        ({"k": "1e-3"}, ["config key curves.k", "'1e-3'", "whole number"]),
-        ({"k": "nine"}, ["config key curves.k", "'nine'", "whole number"]),
-        ({"k": None}, ["config key curves.k", "null", "keep the default"]),
-        ({"k": math.nan}, ["config key curves.k", "nan"]),
-        ({"k": "inf"}, ["config key curves.k", "inf"]),
-        ({"tolerance_px": math.inf}, ["config key curves.tolerance_px", "inf is not a finite number"]),
-        ({"tolerance_px": True}, ["config key curves.tolerance_px", "true"]),
-        ({"kk": 5}, ["config key curves.kk", "unknown", "did you mean 'k'?"]),
-        ({"k": "nine", "criterium": "max"}, ["config key curves.criterium", "did you mean 'criterion'?"]),
-        ({"method": "corner"}, ["config key curves.method", "did you mean 'corners'?"]),
-        ({"method": "zzz"}, ["config key curves.method", "'auto' or 'corners'"]),
-        ({"max_control_points": -1}, ["config key curves.max_control_points", "-1", "above 0 or null"]),
-        ({"sweep": []}, ["config key curves.sweep", "a list with at least 1 item ("]),
-        ({"sweep": [1, "x"]}, ["config key curves.sweep.1", "'x'"]),
-        ({"sweep": "12"}, ["config key curves.sweep", "'12'", "a list"]),
-        ({7: 1}, ["config key curves.7", "unknown"]),
-        (None, ["config key curves", "null", "a section of keys"]),
-        ([1], ["config key curves", "[1]"]),
-        ("k", ["config key curves", "'k'", "a section of keys"]),
-    ],
-)
-def test_bad_value_names_key_value_and_hint(curves, expected):
-    with pytest.raises(InputError) as caught:
-        validate_config({"curves": curves})
-    for part in expected:
-        assert part in str(caught.value)
+#: What is wrong in the section of the curves, and what the line says.
+BAD_CURVES = [
+    ({"k": 0}, ["config key curves.k", "0", "a number at least 1 ("]),
+    ({"k": 2.5}, ["config key curves.k", "2.5", "whole number"]),
+    ({"k": True}, ["config key curves.k", "true"]),
+    ({"k": "1e-3"}, ["config key curves.k", "'1e-3'", "whole number"]),
+    ({"k": "nine"}, ["config key curves.k", "'nine'", "whole number"]),
+    ({"k": None}, ["config key curves.k", "null", "keep the default"]),
+    ({"k": math.nan}, ["config key curves.k", "nan"]),
+    ({"k": "inf"}, ["config key curves.k", "inf"]),
+    ({"tolerance_px": math.inf}, ["config key curves.tolerance_px", "inf is not a finite number"]),
+    ({"tolerance_px": True}, ["config key curves.tolerance_px", "true"]),
+    ({"kk": 5}, ["config key curves.kk", "unknown", "did you mean 'k'?"]),
+    ({"k": "nine", "criterium": "max"}, ["config key curves.criterium", "did you mean 'criterion'?"]),
+    ({"method": "corner"}, ["config key curves.method", "did you mean 'corners'?"]),
+    ({"method": "zzz"}, ["config key curves.method", "'auto' or 'corners'"]),
+    ({"max_control_points": -1}, ["config key curves.max_control_points", "-1", "above 0 or null"]),
+    ({"sweep": []}, ["config key curves.sweep", "a list with at least 1 item ("]),
+    ({"sweep": [1, "x"]}, ["config key curves.sweep.1", "'x'"]),
+    ({"sweep": "12"}, ["config key curves.sweep", "'12'", "a list"]),
+    ({7: 1}, ["config key curves.7", "unknown"]),
+    (None, ["config key curves", "null", "a section of keys"]),
+    ([1], ["config key curves", "[1]"]),
+    ("k", ["config key curves", "'k'", "a section of keys"]),
+]
+#: The same in other sections, and deeper.
+BAD = [
+    ({"sead": 3}, ["config key sead", "did you mean 'seed'?"]),
+    ({"import": {"region": {"window": ["low", None]}}}, ["import.region.window", "'otsu' or a list"]),
+    ({"import": {"resample": 1}}, ["config key import.resample", "true or false"]),
+    ({"surface": {"formats": ["stl", "stl"]}}, ["config key surface.formats", "stl", "twice"]),
+    ({"surface": {"formats": ["stp"]}}, ["config key surface.formats.0", "did you mean 'step'?"]),
+    ({"comparisons": {"thick_slices": {"spacings_mm": [5, 99]}}}, ["spacings_mm.1", "99", "at most 50"]),
+    ({"gnn": {"graphs": {"training": "-1"}}}, ["config key gnn.graphs.training", "'-1'"]),
+    ({"gnn": {"pretrained": 3}}, ["config key gnn.pretrained", "text or null"]),
+    *[({"curves": curves}, expected) for curves, expected in BAD_CURVES],
+]
 
 
-@pytest.mark.parametrize(
-    ("config", "expected"),
-    [
-        ({"sead": 3}, ["config key sead", "did you mean 'seed'?"]),
-        ({"import": {"region": {"window": ["low", None]}}}, ["import.region.window", "'otsu' or a list"]),
-        ({"import": {"resample": 1}}, ["config key import.resample", "true or false"]),
-        ({"surface": {"formats": ["stl", "stl"]}}, ["config key surface.formats", "stl", "twice"]),
-        ({"surface": {"formats": ["stp"]}}, ["config key surface.formats.0", "did you mean 'step'?"]),
-        ({"comparisons": {"thick_slices": {"spacings_mm": [5, 99]}}}, ["spacings_mm.1", "99", "at most 50"]),
-        ({"gnn": {"graphs": {"training": "-1"}}}, ["config key gnn.graphs.training", "'-1'"]),
-        ({"gnn": {"pretrained": 3}}, ["config key gnn.pretrained", "text or null"]),
-    ],
-)
-def test_bad_value_deep_inside_is_named_too(config, expected):
+@pytest.mark.parametrize(("config", "expected"), BAD)
+def test_bad_value_names_key_value_and_hint(config, expected):
     with pytest.raises(InputError) as caught:
         validate_config(config)
     for part in expected:

@@ -24,9 +24,12 @@ def stack_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> SliceStack:
     return interpolate_slices(Sections(curves_of(mask, spacing)), SETTINGS)
 
 
-@pytest.fixture(scope="module")
+STACK = stack_of(ball())
+
+
+@pytest.fixture
 def stack() -> SliceStack:
-    return stack_of(ball())
+    return STACK
 
 
 def sphere(stack: SliceStack, radius=20.0, centre=(30.0, 30.0, 30.0)) -> Mesh:
@@ -64,14 +67,10 @@ def test_a_needle_is_found_where_it_is(stack, factor):
 @settings(max_examples=25, deadline=None)
 @given(st.integers(0, 2561), st.floats(4.0, 30.0))
 def test_no_needle_gets_through_wherever_it_is(vertex, length):
-    stack = STACK
-    mesh = sphere(stack)
+    mesh = sphere(STACK)
     vertices = mesh.vertices.copy()
     vertices[vertex] += length * mesh.vertex_normals[vertex]
-    assert any(is_near(violation) for violation in check_surface(Mesh(vertices, mesh.faces), stack))
-
-
-STACK = stack_of(ball())
+    assert any(is_near(violation) for violation in check_surface(Mesh(vertices, mesh.faces), STACK))
 
 
 def test_a_dent_is_found(stack):

@@ -11,6 +11,7 @@ from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.sections import cross_sections
 from cccd.metrics import surface_distances
+from cccd.surface import crossing_planes
 from cccd.surface.crossing_planes import planes_of, surface_through
 
 
@@ -45,12 +46,24 @@ def write_csl(path, cuts):
     path.write_text("\n".join(lines))
 
 
-@pytest.mark.parametrize("cuts", [CUTS, SLANTED], ids=["three directions", "any direction"])
-def test_the_surface_is_that_of_the_solid(cuts):
-    rings = [ring for _, section in cuts for ring in section]
-    planes = planes_of(rings, "egg")
+@pytest.fixture(scope="module", params=[CUTS, SLANTED], ids=["three directions", "in any direction"])
+def through(request):
+    """Cuts, their planes, and the surface through them."""
+    planes = planes_of([ring for _, section in request.param for ring in section], "egg")
+    return request.param, planes, surface_through(planes, "egg")
+
+
+@pytest.fixture
+def coarse(tmp_path, monkeypatch):
+    """A folder to type commands in, and half the nodes along each axis."""
+    monkeypatch.setattr(crossing_planes, "NODES", 64)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def test_the_surface_is_that_of_the_solid(through):
+    cuts, planes, mesh = through
     assert len(planes) == len(cuts)
-    mesh = surface_through(planes, "egg")
     assert mesh.is_closed_manifold
     assert mesh.genus == 0
     assert mesh.volume == pytest.approx(egg().volume, rel=0.03)
@@ -58,9 +71,8 @@ def test_the_surface_is_that_of_the_solid(cuts):
     assert found["assd"] < 0.5
 
 
-def test_on_every_plane_its_own_contours_count():
-    planes = planes_of([ring for _, section in CUTS for ring in section], "egg")
-    mesh = surface_through(planes, "egg")
+def test_on_every_plane_its_own_contours_count(through):
+    _, planes, mesh = through
     for plane in planes:
         (again,) = cross_sections(mesh, plane.normal, np.array([plane.height]))
         area = [
@@ -70,26 +82,24 @@ def test_on_every_plane_its_own_contours_count():
         assert area[0] == pytest.approx(area[1], rel=0.03)
 
 
-def test_a_csl_file_becomes_a_surface(tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    write_csl(tmp_path / "egg.csl", SLANTED)
+def test_a_csl_file_becomes_a_surface(coarse, capsys):
+    write_csl(coarse / "egg.csl", SLANTED)
     assert main(["surface", "egg.csl", "-o", "egg.stl"]) == 0
     assert " ml" in capsys.readouterr().out
     assert trimesh.load("egg.stl").volume == pytest.approx(egg().volume, rel=0.03)
-    write_csl(tmp_path / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 1.5)))
+    write_csl(coarse / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 3)))
     assert cccd.smooth_mesh("parallel.csl").volume == pytest.approx(egg().volume, rel=0.01)
-    (tmp_path / "broken.csl").write_text("CSLC\n3 2\n")
+    (coarse / "broken.csl").write_text("CSLC\n3 2\n")
     assert main(["surface", "broken.csl"]) == 1
     line = capsys.readouterr().err
     assert "broken.csl" in line
     assert line.count("\n") == 1
 
 
-def test_an_rtstruct_of_two_orientations_is_one_organ(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_an_rtstruct_of_two_orientations_is_one_organ(coarse):
     drawn = cut(egg(), [(1, 0, 0), (0, 0, 1)], np.arange(-24, 25, 6.0))
     rings = [ring * (-1, -1, 1) for _, section in drawn for ring in section]
-    scans.write_structure_set(tmp_path / "rt.dcm", {"organ": rings})
+    scans.write_structure_set(coarse / "rt.dcm", {"organ": rings})
     assert main(["surface", "rt.dcm", "--label", "organ", "-o", "organ.ply"]) == 0
     assert trimesh.load("organ.ply").volume == pytest.approx(egg().volume, rel=0.03)
 

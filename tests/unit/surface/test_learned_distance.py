@@ -10,16 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.geometry.distance import to_mask
-from cccd.surface.learned_distance import (
-    OFFSETS,
-    WEIGHTS,
-    WEIGHTS_SHA256,
-    DistanceNetwork,
-    Surroundings,
-    condition_basis,
-    in_space,
-    shipped_network,
-)
+from cccd.surface import learned_distance
 from cccd.surface.levels import levels_of_slices
 from cccd_training.distance.bodies import draw_sample, packed
 from cccd_training.distance.training import DistanceModel, save_weights, unpacked
@@ -35,8 +26,8 @@ def samples():
 
 def estimated(sample):
     seen = unpacked(torch.from_numpy(sample.seen)).numpy()
-    around = Surroundings(seen, sample.base, np.ones(len(seen), np.float32), sample.flipped)
-    return shipped_network().estimate(around, sample.ratio, sample.height, sample.exact)
+    around = learned_distance.Surroundings(seen, sample.base, np.ones(len(seen), np.float32), sample.flipped)
+    return learned_distance.shipped_network().estimate(around, sample.ratio, sample.height, sample.exact)
 
 
 def test_it_is_nearer_to_bodies_that_it_never_saw_than_the_slices_distances(samples):
@@ -55,10 +46,10 @@ def test_numpy_and_torch_run_the_same_network(tmp_path, samples):
     model = DistanceModel()
     torch.nn.init.normal_(model.last)
     save_weights(model, tmp_path / "weights.npz")
-    network = DistanceNetwork.load(tmp_path / "weights.npz")
+    network = learned_distance.DistanceNetwork.load(tmp_path / "weights.npz")
     seen, base = unpacked(torch.from_numpy(samples[0].seen[:50])), samples[0].base[:50]
-    around = Surroundings(seen.numpy(), base, np.ones(50, np.float32), np.zeros(50, bool))
-    basis = torch.tensor(condition_basis(2.2, np.full(1, 0.25), True), dtype=torch.float32)
+    around = learned_distance.Surroundings(seen.numpy(), base, np.ones(50, np.float32), np.zeros(50, bool))
+    basis = torch.tensor(learned_distance.condition_basis(2.2, np.full(1, 0.25), True), dtype=torch.float32)
     with torch.no_grad():
         expected = model(seen[None], torch.tensor(base)[None], basis)[0].numpy()
     found = network.estimate(around, 2.2, 0.25, True)
@@ -78,9 +69,9 @@ def test_turned_and_mirrored_stacks_are_seen_alike(turn, height, seed):
     node = np.array([[0, 2, 2]])  # the middle, without padding
     answers = []
     for planes, above in ((stack, height), (other, way), (-stack, height)):
-        base = in_space(*planes[3:6], 2.0, above)[10:11, 10]
-        around = Surroundings.of(planes, node, base)
-        answers.append(shipped_network().estimate(around, 2.0, above, False)[0])
+        base = learned_distance.in_space(*planes[3:6], 2.0, above)[10:11, 10]
+        around = learned_distance.Surroundings.of(planes, node, base)
+        answers.append(learned_distance.shipped_network().estimate(around, 2.0, above, False)[0])
     assert answers[1] == pytest.approx(answers[0], abs=1e-3)
     assert answers[2] == pytest.approx(-answers[0], abs=1e-3)
 
@@ -121,10 +112,13 @@ def test_a_slice_stays_on_its_side():
 
 
 def test_it_looks_nearby_and_alike_to_all_sides():
-    seen = {tuple(step) for step in OFFSETS}
-    assert len(seen) == len(OFFSETS)
+    seen = {tuple(step) for step in learned_distance.OFFSETS}
+    assert len(seen) == len(learned_distance.OFFSETS)
     assert all((-s, i, j) in seen and (s, j, i) in seen and (s, -i, j) in seen for s, i, j in seen)
 
 
 def test_the_name_of_the_weights_is_theirs():
-    assert hashlib.sha256(Path(WEIGHTS).read_bytes()).hexdigest() == WEIGHTS_SHA256
+    assert (
+        hashlib.sha256(Path(learned_distance.WEIGHTS).read_bytes()).hexdigest()
+        == learned_distance.WEIGHTS_SHA256
+    )

@@ -1,13 +1,12 @@
 """Grey values in tetrahedra, materials from a table, and what CalculiX and FEBio's readers make of them."""
 
-import shutil
 from dataclasses import replace
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from support.bars import FRAME, HALF, SETTINGS, calculix, two_halves
+from support.bars import FRAME, HALF, SETTINGS, calculix, needs_calculix, two_halves
 
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
@@ -142,21 +141,7 @@ def two_tissues(folder, **changes):
     return fill_and_measure(organs, settings, frames, scans=scans)
 
 
-MODEL = """
-*INCLUDE, INPUT=bar.inp
-*BOUNDARY
-N_CUT_LEFT, 1, 3
-*STEP
-*STATIC
-*DSLOAD
-CUT_RIGHT, P, {pressure}
-*NODE PRINT, NSET=N_CUT_RIGHT
-U
-*END STEP
-"""
-
-
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian's calculix-ccx) is not installed")
+@needs_calculix
 @pytest.mark.parametrize("elements", ["tet4", "tet10"])
 def test_calculix_presses_on_two_tissues(tmp_path, elements):
     """Two springs in a row: the bar shortens by p L (1 / E1 + 1 / E2), the file's own materials."""
@@ -164,7 +149,7 @@ def test_calculix_presses_on_two_tissues(tmp_path, elements):
     assert report["materials"] >= 2
     WRITERS["inp"](tmp_path / "bar.inp", filled)
     pressure = 0.01
-    moved = calculix(tmp_path, MODEL.format(pressure=pressure))[:, 1:]
+    moved = calculix(tmp_path, "bar.inp", "N_CUT_LEFT, 1, 3", "CUT_RIGHT", pressure)[:, 1:]
     assert moved[:, 2].mean() == pytest.approx(-pressure * HALF * (1 / SOFT + 1 / STIFF), rel=0.04)
 
 

@@ -1,11 +1,10 @@
 """Quadratic tetrahedra: curved along the surface, never folded, nearer to Lame's sphere than linear ones."""
 
-import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
-from support.bars import SETTINGS, calculix, two_halves
+from support.bars import SETTINGS, calculix, elastic, needs_calculix, two_halves
 from support.solids import sphere
 
 from cccd.geometry.distance import to_mesh
@@ -123,26 +122,6 @@ def test_organs_that_touch_share_curved_nodes_and_keep_ridges():
     assert np.abs(to_mesh(filled.vertices[ball], organs["tumour"])).max() < 0.02
 
 
-MODEL = """
-*INCLUDE, INPUT=shell.inp
-*MATERIAL, NAME=WALL
-*ELASTIC
-{modulus}, {poisson}
-*SOLID SECTION, ELSET=EALL, MATERIAL=WALL
-*BOUNDARY
-{a}, 1, 3
-{b}, 1, 2
-{c}, 2, 2
-*STEP
-*STATIC
-*DSLOAD
-INNER, P, {pressure}
-*NODE PRINT, NSET=N_INNER
-U
-*END STEP
-"""
-
-
 def widening(filled, folder):
     """Solve with CalculiX: how far the inner radius moves outwards, without the body's rigid motion."""
     folder.mkdir()
@@ -150,8 +129,8 @@ def widening(filled, folder):
     outside = np.unique(filled.group("outer"))
     at = filled.vertices[outside]
     a, b, c = (outside[n] + 1 for n in (at[:, 2].argmax(), at[:, 2].argmin(), at[:, 0].argmax()))
-    given = {"modulus": MODULUS, "poisson": POISSON, "pressure": PRESSURE}
-    table = calculix(folder, MODEL.format(**given, a=a, b=b, c=c))
+    held = f"{a}, 1, 3\n{b}, 1, 2\n{c}, 2, 2"
+    table = calculix(folder, "shell.inp", held, "INNER", PRESSURE, elastic(MODULUS, POISSON))
     points, moved = filled.vertices[table[:, 0].astype(int) - 1], table[:, 1:]
     outwards = points / np.linalg.norm(points, axis=1, keepdims=True)
     motions = [outwards, *(np.broadcast_to(axis, points.shape) for axis in np.eye(3))]
@@ -159,7 +138,7 @@ def widening(filled, folder):
     return np.linalg.lstsq(np.stack([m.ravel() for m in motions], axis=1), moved.ravel())[0][0]
 
 
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian's calculix-ccx) is not installed")
+@needs_calculix
 def test_a_sphere_under_pressure_widens_as_lame_says(shell, tmp_path):
     a, b = INNER, OUTER
     exact = PRESSURE * a**3 / (MODULUS * (b**3 - a**3))

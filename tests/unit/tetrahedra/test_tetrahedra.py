@@ -1,7 +1,6 @@
 """Tetrahedra through several organs: one conforming mesh, whose regions and boundaries are the organs'."""
 
 import json
-import shutil
 import subprocess
 import sys
 import time
@@ -10,7 +9,7 @@ import numpy as np
 import psutil
 import pytest
 import trimesh
-from support.bars import FRAME, HALF, SETTINGS, WIDTH, calculix, two_halves
+from support.bars import FRAME, HALF, SETTINGS, WIDTH, calculix, elastic, needs_calculix, two_halves
 from support.solids import box, mesh_of, sphere
 
 import cccd
@@ -228,31 +227,14 @@ def test_vtk_reads_regions_and_boundaries(bar, tmp_path):
     assert grid.compute_cell_sizes()["Volume"].sum() == pytest.approx(filled.volumes.sum())
 
 
-MODEL = """
-*INCLUDE, INPUT=bar.inp
-*MATERIAL, NAME=TISSUE
-*ELASTIC
-{modulus}, 0.0
-*SOLID SECTION, ELSET=EALL, MATERIAL=TISSUE
-*BOUNDARY
-N_CUT_LEFT, 1, 3
-*STEP
-*STATIC
-*DSLOAD
-CUT_RIGHT, P, {pressure}
-*NODE PRINT, NSET=N_CUT_RIGHT
-U
-*END STEP
-"""
-
-
-@pytest.mark.skipif(shutil.which("ccx") is None, reason="CalculiX (Debian's calculix-ccx) is not installed")
+@needs_calculix
 def test_calculix_presses_on_a_boundary(bar, tmp_path):
     """Without lateral strain, pressure on one end shortens the bar by p L / E."""
     filled, _ = bar
     WRITERS["inp"](tmp_path / "bar.inp", filled)
     modulus, pressure = 2.0, 0.01
-    moved = calculix(tmp_path, MODEL.format(modulus=modulus, pressure=pressure))[:, 1:]
+    held, tissue = "N_CUT_LEFT, 1, 3", elastic(modulus, 0.0)
+    moved = calculix(tmp_path, "bar.inp", held, "CUT_RIGHT", pressure, tissue)[:, 1:]
     assert len(moved) == len(np.unique(filled.group("cut_right")))
     shortened = -pressure * 2 * HALF / modulus
     assert moved[:, 2].mean() == pytest.approx(shortened, rel=0.02)

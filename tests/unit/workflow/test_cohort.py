@@ -32,21 +32,6 @@ def test_spreadsheet_habits(tmp_path):
     assert read_cohort(path)[0]["label"] == "10,11,12"
 
 
-def test_default_sheet():
-    rows = read_cohort(ROOT / "config" / "cohort.tsv")
-    assert [(row["source"], row["organ"]) for row in rows] == [
-        ("mni152", "brain"),
-        ("phantom", "liver"),
-        ("phantom", "lungs"),
-        ("chest_ct", "right_lung"),
-        ("mni152_head", "brain"),
-        ("phantom_scan", "liver"),
-        ("damaged_phantom", "kidney"),
-        *(("phantom", letter) for letter in "AHX"),
-    ]
-    assert [row["role"] for row in rows] == 7 * ["reconstruct"] + 3 * ["measure"]
-
-
 def test_every_sheet_in_config_is_sound():
     for path in sorted((ROOT / "config").glob("*.tsv")):
         assert read_cohort(path), path

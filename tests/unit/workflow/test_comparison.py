@@ -6,6 +6,7 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
+from support.solids import mesh_of
 
 import cccd
 from cccd.cli import main
@@ -66,19 +67,15 @@ def test_concentric_spheres_have_the_figures_of_formulas(here):
 
 
 def test_the_hausdorff_distance_finds_a_lone_tip():
-    smooth = sphere(10)
-    vertices = np.array(smooth.vertices)
+    smooth = mesh_of(sphere(10))
+    vertices = smooth.vertices.copy()
     vertices[0] *= 1.5
-    faces = np.array(smooth.faces, np.int64)
-    found = surface_distances(
-        Mesh(vertices, faces), Mesh(np.array(smooth.vertices), faces), np.random.default_rng(0), 2000
-    )
+    found = surface_distances(Mesh(vertices, smooth.faces), smooth, np.random.default_rng(0), 2000)
     assert found["hausdorff"] == pytest.approx(5, abs=0.05)
 
 
 def test_solids_that_do_not_meet_or_are_one_have_dice_0_and_1():
-    first, second = (sphere(5, centre) for centre in ((0, 0, 0), (20, 0, 0)))
-    first, second = (Mesh(np.array(m.vertices), np.array(m.faces, np.int64)) for m in (first, second))
+    first, second = (mesh_of(sphere(5, centre)) for centre in ((0, 0, 0), (20, 0, 0)))
     assert solid_dice(first, second) == 0
     assert solid_dice(first, first) == pytest.approx(1)
 

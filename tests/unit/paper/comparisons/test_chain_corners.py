@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from support.known_curves import rectangle
 
-from cccd.curves.corners import Ring
-from cccd_paper.comparisons.chain_corners import DETECTORS, _turning
+from cccd_paper.comparisons.chain_corners import DETECTORS
 
 
 @pytest.mark.parametrize("name", DETECTORS)
@@ -30,12 +29,3 @@ def test_detectors_treat_each_curve_alone(name, blob):
     together = DETECTORS[name](curves.points, curves.offsets)
     alone = [DETECTORS[name](points, np.array([0, len(points)])) for points in curves]
     assert np.array_equal(together, np.concatenate(alone))
-
-
-def test_cheng_hsu_and_weighted_curvature_of_a_right_angle():
-    points, vertices = rectangle(20, 20)
-    ring = Ring(np.array([0, len(points)]))
-    turn = _turning(points, np.array([0, len(points)]))
-    assert np.abs(turn[vertices]).tolist() == [2, 2, 2, 2]  # 90 degrees
-    assert np.abs(turn).sum() == 8  # a closed curve turns once round
-    assert ring.at(-1)[0] == len(points) - 1

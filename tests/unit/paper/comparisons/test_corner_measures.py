@@ -1,10 +1,13 @@
 import numpy as np
 import pandas as pd
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.metrics import dice
+from cccd_paper.comparisons.confusion import Confusion, confusion
 from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.repeatability import repeatability
 
@@ -64,16 +67,41 @@ def test_repeatability_is_perfect_without_change_and_falls_with_noise(star):
     assert (table["noise", 2.0] < 1).all()
 
 
-def test_repeatability_is_seeded(star):
-    tables = [
-        repeatability(star, np.random.default_rng(5), rotations=(30,), scales=(1.5,), noises=(0.3,))
-        for _ in range(2)
-    ]
-    assert tables[0].equals(tables[1])
-    assert tables[0]["repeatability"].between(0, 1).all()
-
-
 def test_corners_that_are_nowhere_are_not_counted_as_found_again(star):
     nowhere = {"none": lambda points, offsets: np.zeros(len(points), bool)}
     table = repeatability(star, np.random.default_rng(0), nowhere, rotations=(30,), scales=(), noises=())
     assert table["repeatability"].isna().all()
+
+
+def test_printed_equations_on_hand_counted_pixels():
+    truth = np.array([[1, 1, 1, 0], [1, 0, 0, 0]], bool)
+    predicted = np.array([[1, 1, 0, 1], [0, 0, 0, 1]], bool)
+    counts = confusion(truth, predicted)
+    assert (counts.tp, counts.fp, counts.tn, counts.fn) == (2, 2, 2, 2)
+    counts = Confusion(tp=30, fp=10, tn=50, fn=20)
+    printed = counts.printed
+    shares = [30 / 110, 10 / 110, 50 / 110, 20 / 110, 80 / 110, 30 / 110]
+    assert list(printed.values()) == pytest.approx([*shares, 30 / 50, 50 / 60, 60 / 90, 30 / 60])
+    assert counts.standard["precision"] == pytest.approx(30 / 40)
+    assert counts.standard["recall"] == printed["PRE"]  # eq. (18) is the usual recall
+    assert counts.standard["false positive rate"] == pytest.approx(1 - printed["SPEC"])
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_identities_hold_per_slice_and_in_total(seed):
+    rng = np.random.default_rng(seed)
+    truth, predicted = rng.random((2, 3, 6, 5)) < rng.random()
+    slices = confusion(truth, predicted, axis=(1, 2))
+    whole = confusion(truth, predicted)
+    assert slices.tp.sum() == whole.tp
+    assert slices.tn.sum() == whole.tn == np.count_nonzero(~truth & ~predicted)
+    assert whole.fp == np.count_nonzero(~truth & predicted)
+    printed = whole.printed
+    assert sum(printed[f"{name} rate"] for name in ("TP", "FP", "TN", "FN")) == pytest.approx(1)
+    assert printed["ACC"] + printed["MC"] == pytest.approx(1)
+    assert printed["JI"] == pytest.approx(printed["DSC"] / (2 - printed["DSC"]))
+    assert dice(truth, predicted) == dice(predicted, truth) == printed["DSC"]
+    assert confusion(truth, truth).printed["JI"] == 1
+    nothing = np.zeros((2, 2), bool)
+    assert np.isnan(confusion(nothing, nothing).printed["PRE"])  # undefined

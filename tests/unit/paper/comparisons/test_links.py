@@ -4,39 +4,24 @@ from support.known_curves import circle, ring_links
 
 from cccd_paper.comparisons.links import closed_order, count_links, enclosed_region, unique_links
 
-
-def test_a_ring_is_one_closed_curve():
-    counts = count_links(ring_links(7), 7)
-    assert counts.closed
-    assert (counts.connected, counts.disconnected, counts.open_ends, counts.left_out) == (1, 0, 0, 0)
-
-
-def test_a_missing_link_opens_the_curve():
-    counts = count_links(ring_links(7)[1:], 7)
-    assert not counts.closed
-    assert (counts.connected, counts.disconnected, counts.open_ends) == (1, 1, 2)
-
-
-def test_two_rings_are_two_disconnected_segments():
-    links = np.concatenate([ring_links(4), ring_links(5) + 4])
-    counts = count_links(links, 9)
-    assert (counts.connected, counts.disconnected, counts.closed) == (2, 2, False)
+NAMES = ("connected", "disconnected", "open_ends", "junctions", "left_out", "closed")
+TWO_RINGS = np.concatenate([ring_links(4), ring_links(5) + 4])
+CHORD = unique_links(np.vstack([ring_links(6), [[0, 3]]]))
+#: Links, the number of their points, and what is counted, in the order of the names.
+COUNTS = {
+    "a ring": (ring_links(7), 7, [1, 0, 0, 0, 0, True]),
+    "a missing link": (ring_links(7)[1:], 7, [1, 1, 2, 0, 0, False]),
+    "two rings": (TWO_RINGS, 9, [2, 2, 0, 0, 0, False]),
+    "a chord": (CHORD, 6, [1, 0, 0, 2, 0, False]),
+    "two points without links": (ring_links(3), 5, [1, 0, 0, 0, 2, True]),
+    "no links": (np.zeros((0, 2), int), 3, [0, 0, 0, 0, 3, False]),
+}
 
 
-def test_a_chord_makes_two_junctions():
-    counts = count_links(unique_links(np.vstack([ring_links(6), [[0, 3]]])), 6)
-    assert (counts.junctions, counts.closed, counts.disconnected) == (2, False, 0)
-
-
-def test_points_without_links_are_left_out():
-    counts = count_links(ring_links(3), 5)
-    assert counts.left_out == 2
-    assert counts.closed
-
-
-def test_no_links_at_all():
-    counts = count_links(np.zeros((0, 2), int), 3)
-    assert (counts.connected, counts.closed, counts.left_out) == (0, False, 3)
+@pytest.mark.parametrize(("links", "points", "expected"), COUNTS.values(), ids=COUNTS)
+def test_links_are_counted(links, points, expected):
+    counts = count_links(links, points)
+    assert [getattr(counts, name) for name in NAMES] == expected
 
 
 def test_unique_links_drops_loops_and_repeats():

@@ -123,14 +123,6 @@ def test_a_gap_wider_than_the_shape_misleads_nn_crust_but_not_the_tour():
     np.testing.assert_array_equal(reconstruct("tour", points), ring_links(len(points)))
 
 
-def test_the_tour_is_no_longer_than_the_known_shortest():
-    # On a convex curve the shortest tour is the curve itself.
-    points = circle(101)[np.random.default_rng(3).permutation(101)]
-    links = reconstruct("tour", points)
-    length = np.linalg.norm(points[links[:, 0]] - points[links[:, 1]], axis=1).sum()
-    assert length == pytest.approx(101 * 2 * 40 * np.sin(np.pi / 101))
-
-
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32 - 1))
 def test_the_tour_of_few_points_is_near_the_shortest(seed):

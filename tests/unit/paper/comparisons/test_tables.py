@@ -5,7 +5,8 @@ import pandas as pd
 import pytest
 from support.known_curves import bean
 
-from cccd.containers import Frame, Structure
+from cccd.containers import Curves, Frame, Structure
+from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_mask
 from cccd_junctions.ordering import order_boundaries
@@ -28,7 +29,7 @@ from cccd_paper.comparisons.reconstruction_comparison import (
     reconstruction_figures,
 )
 from cccd_paper.comparisons.samples import choose_slices, to_bytes
-from cccd_paper.settings import ComparisonSettings
+from cccd_paper.settings import ComparisonSettings, SliceChoice
 from cccd_workflow.report.registry import comparisons, items
 from cccd_workflow.report.summary import Cohort, build_tables
 
@@ -286,3 +287,18 @@ def test_rows_and_tables_have_the_columns_that_the_registry_promises(rows, table
 
 def test_a_cohort_without_rows_has_empty_tables():
     assert all(frame.empty for frame in build_tables(Cohort({})).values())
+
+
+def test_corners_of_drawn_contours():
+    turn = np.linspace(0, 2 * np.pi, 70, endpoint=False)
+    rings = [
+        20 + radius * np.column_stack([np.cos(turn), 0.8 * np.sin(turn)]) for radius in (12.3, 13.1, 12.7)
+    ]
+    points, offsets = concatenate_ragged(rings)
+    frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, (40, 40, 3))
+    curves = Curves(points, offsets, np.arange(3, dtype=np.int32), np.zeros(3, bool), frame)
+    structure = Structure("a", "drawn", frame, np.zeros(3, int), contours=curves)
+    settings = SliceChoice(n_slices=1)
+    table = compare_corners(structure, curves, settings)
+    ours = table[(table["method"] == CCCD) & (table["parameters"] == "automatic")]
+    assert (ours["DSC"] > 0.97).all()

@@ -1,7 +1,10 @@
 """Figures of a slice as the comparisons leave them, and the reader that finds them."""
 
+import re
+
 import numpy as np
 
+from cccd_paper.figures.diagrams import draw_steps
 from cccd_paper.figures.panels import OUTLINE_LOOKS, draw_slice_figure
 from cccd_paper.registry import ITEMS
 from cccd_viewers.page_files import Panel, SliceFigure, write_figures
@@ -46,3 +49,11 @@ def test_a_liver_is_shown_where_there_is_one(tmp_path):
     assert Results(tmp_path, structures[:1]).shown(ITEM["figure9"])[1] == "brain"
     assert results.shown(ITEM["figure15"]) is None
     assert results.figure(ITEM["figure9"], "b", "liver") is None
+
+
+def test_every_step_has_a_box_and_every_pair_an_arrow():
+    steps = [f"step {number}" for number in range(7)]
+    svg = draw_steps("flow", steps, "seven steps", columns=3)
+    assert all(step in svg for step in steps)
+    arrows = re.findall(r'<path d="[^"]*"[^>]*stroke-linecap: round', svg)
+    assert len(arrows) == 2 * (len(steps) - 1)  # a line and a head each

@@ -28,10 +28,11 @@ def beside(drawn_map, reach):
     ]
 
 
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize("family", [*FAMILIES, *ALL_KINDS])
 def test_a_seed_gives_the_same_map_and_another_seed_another(family):
     for one, same, other in zip(drawn(family, 4), drawn(family, 4), drawn(family, 4, 1), strict=True):
         assert np.array_equal(one.pixels, same.pixels)
+        assert all(map(np.array_equal, one.contours, same.contours))
         assert (one.image is None) == (same.image is None)
         assert one.image is None or np.array_equal(one.image, same.image)
         assert not np.array_equal(one.pixels, other.pixels)

@@ -1,3 +1,4 @@
+import os
 import pickle
 
 import h5py
@@ -45,7 +46,19 @@ def graphs(tmp_path_factory):
 def train(graphs, folder, **changes):
     model, history = folder / "model.pt", folder / "history.csv"
     train_model(graphs, NETWORK.model_copy(update=changes), 3, folder / "checkpoints", model, history)
-    return torch.load(model, weights_only=True)["weights"], pd.read_csv(history)
+    return weights_of(folder), pd.read_csv(history)
+
+
+@pytest.fixture(scope="module")
+def whole(graphs, tmp_path_factory):
+    """The folder of a training that nothing disturbed."""
+    folder = tmp_path_factory.mktemp("whole")
+    train(graphs, folder)
+    return folder
+
+
+def weights_of(folder):
+    return torch.load(folder / "model.pt", weights_only=True)["weights"]
 
 
 def same(one, other):
@@ -136,16 +149,30 @@ def test_kept_maps_stay_as_they_were_labelled_and_go_to_other_processes(graphs):
             assert torch.equal(one.labelled(number, hidden)[kind][name], fresh[kind][name])
 
 
-def test_a_torn_checkpoint_falls_back_to_the_one_before(graphs, tmp_path, monkeypatch):
-    whole, _ = train(graphs, tmp_path / "whole")
+class Bomb:
+    """Leaves a folder behind when it is unpickled."""
+
+    def __reduce__(self):
+        return os.mkdir, ("exploded",)
+
+
+@pytest.mark.parametrize(
+    "spoil",
+    [lambda path: path.write_bytes(path.read_bytes()[:1000]), lambda path: torch.save(Bomb(), path)],
+    ids=["torn", "hostile"],
+)
+def test_a_checkpoint_that_cannot_be_read_falls_back_to_the_one_before(
+    graphs, whole, tmp_path, monkeypatch, spoil
+):
+    monkeypatch.chdir(tmp_path)
     with monkeypatch.context() as patch:
         stop_after(patch, 2)
         with pytest.raises(KeyboardInterrupt):
-            train(graphs, tmp_path / "torn")
-    newest = sorted((tmp_path / "torn" / "checkpoints").glob("epoch_*.pt"))[-1]
-    newest.write_bytes(newest.read_bytes()[:1000])
-    resumed, _ = train(graphs, tmp_path / "torn")
-    assert same(whole, resumed)
+            train(graphs, tmp_path / "spoilt")
+    spoil(sorted((tmp_path / "spoilt" / "checkpoints").glob("epoch_*.pt"))[-1])
+    resumed, _ = train(graphs, tmp_path / "spoilt")
+    assert same(weights_of(whole), resumed)
+    assert not (tmp_path / "exploded").exists()
 
 
 def test_other_settings_do_not_resume_a_stranger(graphs, tmp_path):
@@ -172,18 +199,15 @@ def test_history_reports_what_was_promised(graphs, tmp_path):
     assert tested.sum() == 1  # the epoch whose weights are taken
 
 
-def test_training_starts_from_given_weights(graphs, tmp_path):
-    first, _ = train(graphs, tmp_path / "first")
-    start = str(tmp_path / "first" / "model.pt")
-    kept, _ = train(graphs, tmp_path / "second", start=start, epochs=1, learning_rate=1e-12)
+def test_training_starts_from_given_weights(graphs, whole, tmp_path):
+    kept, _ = train(graphs, tmp_path, start=str(whole / "model.pt"), epochs=1, learning_rate=1e-12)
     name = "inside_head.4.weight"
-    assert torch.allclose(kept[name], first[name], atol=1e-6)
+    assert torch.allclose(kept[name], weights_of(whole)[name], atol=1e-6)
 
 
-def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, tmp_path):
-    train(graphs, tmp_path / "first")
-    path = tmp_path / "first" / "model.pt"
-    content = torch.load(path, weights_only=True)
+def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, whole, tmp_path):
+    path = tmp_path / "fewer.pt"
+    content = torch.load(whole / "model.pt", weights_only=True)
     name = "triangle_encoder.1.weight"
     content["weights"][name] = content["weights"][name][:, :-3]
     for key in ("weight", "bias", "running_mean", "running_var"):
@@ -196,9 +220,8 @@ def test_a_network_with_fewer_layers_and_features_can_be_started_from(graphs, tm
     assert "message_layers.1.triangle_messages.weight" in grown
 
 
-def test_training_without_files_gives_the_last_epochs_weights(graphs, tmp_path):
-    train(graphs, tmp_path)
-    newest = max((tmp_path / "checkpoints").glob("epoch_*.pt"))
+def test_training_without_files_gives_the_last_epochs_weights(graphs, whole):
+    newest = max((whole / "checkpoints").glob("epoch_*.pt"))
     kept = torch.load(newest, weights_only=True)["model"]
     alone = train_task(make_task(read_maps(graphs, "training"), NETWORK, 3), 3)
     assert same(alone.state_dict(), kept)

@@ -7,21 +7,13 @@ from cccd_junctions.decoding import fill_inside
 from cccd_junctions.delaunay import build_graph
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.random_masks import draw_mask
-from cccd_training.junctions.synthetic_maps import ALL_KINDS, draw_map, truth_mask
+from cccd_training.junctions.synthetic_maps import draw_map, truth_mask
 
 
 def square(size=21):
     mask = np.zeros((60, 60), np.uint8)
     mask[15 : 15 + size, 20 : 20 + size] = 1
     return mask
-
-
-@pytest.mark.parametrize("kind", ALL_KINDS)
-def test_a_seed_gives_the_same_map_every_time(kind):
-    one, other = (draw_map(np.random.default_rng(5), kind) for _ in range(2))
-    assert np.array_equal(one.pixels, other.pixels)
-    assert all(np.array_equal(a, b) for a, b in zip(one.contours, other.contours, strict=True))
-    assert (one.image is None) == (other.image is None)
 
 
 @pytest.mark.parametrize("kind", [kind for kind in KINDS if kind != "clean"])
