@@ -30,11 +30,11 @@ __all__ = ["SplineSolid", "loft_spline"]
 COARSEST, COARSER = 150, 5
 #: Fewest triangles of a surface.
 FEWEST = 100
-#: Triangles that are chosen from: so many times those that it begins with.
-SPARE = 16
-#: Then the spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 5 % farther from
-#: the truth, with .01 no nearer. A triangle that is n times as far off becomes n, at most so many.
-OFF_VOXELS, MOST_SPLIT = 0.02, 10.0
+#: Triangles that are chosen from: so many times those that are left.
+SPARE = 8
+#: The spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 4 % farther from the
+#: truth, with .01 no nearer. A triangle that is n times as far off becomes n.
+OFF_VOXELS = 0.024
 #: Where the surface is amiss a triangle becomes so many.
 AMISS_SPLIT = 4.0
 #: Rounds of finer quads where the surface loses a voxel ...
@@ -113,11 +113,8 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
     """Fit a spline without caps, with finer quads where it is amiss; and its triangles (K, 2) that cross."""
     ends = stack.distance.ends
     volume = volume_between(target.mesh, ends)
-    most = max(FEWEST, len(target.mesh.faces) // COARSEST)
     finest = max(FEWEST, len(target.mesh.faces) // COARSER)
-    fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
-    fine = fewer_triangles(fine, SPARE * most, ends)
-    weights, most = _evened(fine, most, finest, target, stack)
+    fine, weights, most = _evened(cut, target, finest, stack)
     best: tuple[ControlMesh, IntArray] | None = None
     for attempt in range(1 + REFINEMENTS + CROSSING_REFINEMENTS):
         start, coarse = control_mesh(fine, most, ends, weights)
@@ -149,16 +146,28 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
     return best
 
 
-def _evened(fine: Mesh, most: int, finest: int, target: Target, stack: SliceStack) -> tuple[FloatArray, int]:
-    """Weights (V,) of a mesh, and a number of triangles: finer where a first spline is far off its mesh."""
-    start, coarse = control_mesh(fine, most, stack.distance.ends)
+def _evened(cut: Mesh, target: Target, finest: int, stack: SliceStack) -> tuple[Mesh, FloatArray, int]:
+    """Fit a first spline to see where quads have to be finer.
+
+    Returns the mesh whose edges collapse, weights (V,) of its vertices, and how many triangles are to be left.
+    """
+    most = max(FEWEST, len(target.mesh.faces) // COARSEST)
+    start, coarse = control_mesh(_spared(cut, most, stack), most, stack.distance.ends)
     places, off = fit_spline(start, target).off()
     near, count = nearest_faces(places, coarse), len(coarse.faces)
     mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
-    times = np.clip(np.sqrt(mean) / (OFF_VOXELS * np.cbrt(stack.voxel.prod())), 1.0, MOST_SPLIT)
+    times = np.clip(np.sqrt(mean) / (OFF_VOXELS * np.cbrt(stack.voxel.prod())), 1.0, COARSEST / COARSER)
+    most = min(round(float(times.sum())), finest)
+    fine = _spared(cut, most, stack)
     weights = np.ones(len(fine.vertices))
     weigh_more(weights, fine, coarse, times)
-    return weights, min(round(float(times.sum())), finest)
+    return fine, weights, most
+
+
+def _spared(cut: Mesh, most: int, stack: SliceStack) -> Mesh:
+    """Collapse edges of a mesh until so many triangles can be chosen from it."""
+    fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
+    return fewer_triangles(fine, SPARE * most, stack.distance.ends)
 
 
 def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from operator import attrgetter
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array
@@ -144,15 +145,15 @@ class SplineFit:
                 break
             self.move((volume - held) / drawn.area)
 
-    def untangle(self, written: Callable[[ControlMesh], FloatArray]) -> IntArray:
+    def untangle(self, written: Callable[[ControlMesh], FloatArray] = attrgetter("vertices")) -> IntArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
         They go back to where they began and, where it crosses there too, towards their neighbours' means.
 
         Parameters
         ----------
-        written : callable
-            Gives the control points (V, 3) as a spline's are written: what these make is looked at.
+        written : callable, optional
+            Gives a spline's control points (V, 3) as they are written: what these make is looked at.
 
         Returns
         -------

@@ -87,7 +87,7 @@ def test_what_crosses_in_the_control_mesh_too_evens_out():
     folded[0] *= -6
     fit = SplineFit(wall.moved(folded), Target.of(ball))
     assert len(fit.spline.tessellate(2).self_intersections())
-    assert not len(fit.untangle(lambda spline: spline.vertices))
+    assert not len(fit.untangle())
     assert not len(fit.spline.tessellate(2).self_intersections())
 
 
