@@ -32,9 +32,9 @@ COARSEST, COARSER = 150, 5
 FEWEST = 100
 #: Triangles that are chosen from: so many times those that are left.
 SPARE = 8
-#: The spline shall be off the mesh by so many edges of a voxel (rms): with .03 it is 4 % farther from the
-#: truth, with .01 no nearer. A triangle that is n times as far off becomes n.
-OFF_VOXELS = 0.024
+#: The spline shall be off the mesh by so many pixels (rms): with .03 it is 4 % farther from the truth, with
+#: .01 no nearer. A triangle that is n times as far off becomes n.
+OFF_PIXELS = 0.024
 #: Where the surface is amiss a triangle becomes so many.
 AMISS_SPLIT = 4.0
 #: Rounds of finer quads where the surface loses a voxel ...
@@ -149,14 +149,14 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
 def _evened(cut: Mesh, target: Target, finest: int, stack: SliceStack) -> tuple[Mesh, FloatArray, int]:
     """Fit a first spline to see where quads have to be finer.
 
-    Returns the mesh whose edges collapse, weights (V,) of its vertices, and how many triangles are to be left.
+    Returns the mesh whose edges collapse, weights (V,) of its vertices, and how many triangles shall be left.
     """
     most = max(FEWEST, len(target.mesh.faces) // COARSEST)
     start, coarse = control_mesh(_spared(cut, most, stack), most, stack.distance.ends)
     places, off = fit_spline(start, target).off()
     near, count = nearest_faces(places, coarse), len(coarse.faces)
     mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
-    times = np.clip(np.sqrt(mean) / (OFF_VOXELS * np.cbrt(stack.voxel.prod())), 1.0, COARSEST / COARSER)
+    times = np.clip(np.sqrt(mean) / (OFF_PIXELS * stack.pixel), 1.0, COARSEST / COARSER)
     most = min(round(float(times.sum())), finest)
     fine = _spared(cut, most, stack)
     weights = np.ones(len(fine.vertices))
