@@ -113,3 +113,7 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
             command.description = add_arguments.__doc__
             add_arguments(command)
     return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

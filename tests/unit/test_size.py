@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17638,
+    "scripts/cccd": 17636,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1687,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 781,
     "scripts/cccd_workflow": 5882,
     "bench": 4709,
-    "tests": 24130,
+    "tests": 24133,
 }
 
 
