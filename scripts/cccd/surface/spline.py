@@ -71,7 +71,8 @@ class SplineSolid:
         """Return the splines and their mesh in mm RAS."""
         spline = as_written(self.spline, self.stack)
         mesh = spline.tessellate()
-        found = check_surface(mesh.transformed(np.linalg.inv(self.stack.to_world)), self.stack, self.crossing)
+        to_plane = np.asarray(np.linalg.inv(self.stack.to_world), float)
+        found = check_surface(mesh.transformed(to_plane), self.stack, self.crossing)
         told = [violation.line(self.stack.to_world) for violation in found]
         return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
 

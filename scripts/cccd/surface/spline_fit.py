@@ -162,23 +162,24 @@ class SplineFit:
         """
         sampler = self.wall.sampler()
         triangles = MovingTriangles(sampler.triangles)
-        best, fewest = self.points, None
+
+        def pairs_of(points: FloatArray) -> IntArray:
+            return triangles.passing_pairs(sampler.matrix @ written(self.wall.moved(points)))
+
+        fewest = pairs_of(self.points)
         for back, rounds in ((True, UNTANGLING_ROUNDS), (False, EVENING_ROUNDS)):
-            points, moving, waited = best, np.zeros(len(best), np.bool_), 0
-            for _ in range(1 + rounds):
-                pairs = triangles.passing_pairs(sampler.matrix @ written(self.wall.moved(points)))
-                near = _moving(sampler, pairs)
-                waited += 1
-                if fewest is None or len(pairs) < len(fewest):
-                    best, fewest, waited = points, pairs, 0
-                if not len(pairs) or waited > PATIENCE:
+            points, pairs, waited = self.points, fewest, 0
+            moving = np.zeros(len(points), np.bool_)
+            for _ in range(rounds):
+                if not len(pairs) or waited == PATIENCE:
                     break
+                near = _moving(sampler, pairs)
                 moving |= near if back else near | (self.neighbours @ near > 0)
                 target = self.wall.vertices if back else self.neighbours @ points
                 points = np.where(moving[:, None], (points + target) / 2, points)
-            if not len(fewest):
-                break
-        self.points = best
+                pairs, waited = pairs_of(points), waited + 1
+                if len(pairs) < len(fewest):
+                    self.points, fewest, waited = points, pairs, 0
         return fewest
 
     def _normals(self, samples: FloatArray) -> FloatArray:
