@@ -30,6 +30,7 @@ __all__ = [
     "owners_of",
     "predecessors",
     "ranks_of",
+    "renumbered",
     "split_ragged",
     "successors",
     "sum_per_part",
@@ -47,6 +48,9 @@ BoolArray: TypeAlias = npt.NDArray[np.bool_]
 RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]
 AnyArray: TypeAlias = npt.NDArray[Any]
 
+#: Numbers that are spread wider, for as many as there are, are sorted.
+SPREAD = 8
+
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
@@ -59,6 +63,24 @@ def connected_parts(first: IntArray, second: IntArray, count: int) -> IntArray:
     """Give each of ``count`` nodes the number, from 0, of the connected part that edges (E,) put it in."""
     links = scipy.sparse.coo_array((np.ones(len(first), bool), (first, second)), shape=(count, count))
     return np.asarray(scipy.sparse.csgraph.connected_components(links, directed=False)[1], np.int64)
+
+
+def renumbered(numbers: IntArray) -> tuple[IntArray, IntArray]:
+    """Numbers (N,) that occur, ascending, and which of them each (...) is: ``np.unique`` without sorting.
+
+    Examples
+    --------
+    >>> used, place = renumbered(np.array([[7, 3], [3, 9]]))
+    >>> used.tolist(), place.tolist()
+    ([3, 7, 9], [[1, 0], [0, 2]])
+    """
+    if numbers.size == 0 or np.ptp(numbers) > SPREAD * numbers.size:
+        used, place = np.unique(numbers, return_inverse=True)
+        return used, place.reshape(numbers.shape)
+    first = numbers.min()
+    occurs = np.zeros(numbers.max() - first + 1, np.bool_)
+    occurs[numbers - first] = True
+    return np.flatnonzero(occurs) + first, (np.cumsum(occurs) - 1)[numbers - first]
 
 
 def offsets_of(counts: npt.ArrayLike) -> IntArray:
