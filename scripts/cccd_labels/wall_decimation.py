@@ -17,9 +17,9 @@ __all__ = ["simplified"]
 
 #: Vertices further than this from all former ones, in edges, are looked at: they lie on the wall.
 NEAR = 0.75
-#: A patch of more triangles that tears becomes blocks, so that what tears again is small. Lines between
-#: blocks stay, with 1 % of the triangles.
-BLOCK = 60_000
+#: A patch of more triangles, of which almost all would tear, becomes blocks. Lines between blocks stay, with
+#: 1 % of the triangles. No edges of it are torn.
+BLOCK, WHOLE = 60_000, np.zeros((0, 2), np.int64)
 #: Patches of fewer triangles keep them.
 FEWEST = 64
 #: Of so many triangles of a flat wall one is left.
@@ -59,7 +59,7 @@ def simplified(surface: ConformingSurface, tolerance: float) -> ConformingSurfac
             mesh = None
             if not keep:
                 part = Mesh(surface.vertices, surface.triangles[faces]).compact()
-                mesh, torn = _collapsed(part, near, tolerance)
+                mesh, torn = (part, WHOLE) if len(faces) > BLOCK else _collapsed(part, near, tolerance)
                 if torn is not None:
                     waiting += [faces[piece] for piece in _split(part, mesh.vertices[torn], near)]
                     continue
@@ -138,8 +138,9 @@ def _leaves(node: Any) -> list[IntArray]:
 
 def _outline(mesh: Mesh) -> tuple[tuple[int, int, int], IntArray]:
     """Euler number, edges of the border and those (K, 2) with more than two triangles; and their number."""
-    sides = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-    key, uses = np.unique(sides[:, 0] * len(mesh.vertices) + sides[:, 1], return_counts=True)
+    start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    key = np.minimum(start, end) * len(mesh.vertices) + np.maximum(start, end)
+    key, uses = np.unique(key, return_counts=True)
     euler = len(mesh.vertices) - len(uses) + len(mesh.faces)
     torn = np.column_stack(np.divmod(key[uses > 2], len(mesh.vertices)))
     return (euler, int((uses == 1).sum()), len(torn)), torn
