@@ -107,12 +107,12 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     mixed = _mixed(labels)
     cells, thin = np.argwhere(mixed), _thin(mixed)
     for rising in (False, True):
-        changed = fixed.copy()
+        changed, stuck = fixed.copy(), [cells[:0]]
         for _ in range(MOST_ROUNDS):
             here = _corner_labels(labels, cells)
             pinched = [(found, which) for found, which in _pinched(here) if len(found)]
             if not pinched:
-                return labels, 0
+                break
             moves = [
                 _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)
                 for found, which in pinched
@@ -123,12 +123,22 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            near = (nodes[:, None] - _CORNERS).reshape(-1, 3)  # cells that a changed node is a corner of
-            still = cells[np.concatenate([found for found, _ in pinched])]  # no others can be
-            # as sorted numbers: rows would sort twenty times as slowly, and `unique` hashes
-            keys = np.sort(np.ravel_multi_index(tuple(np.concatenate([still, near]).T), labels.shape))
-            cells = np.column_stack(np.unravel_index(keys[np.diff(keys, prepend=-1) > 0], labels.shape))
+            parts = [(nodes[:, None] - _CORNERS).reshape(-1, 3)]  # cells that a changed node is a corner of
+            for found, which in pinched:  # no others can be; without a node that may change they wait
+                at = np.moveaxis(cells[found, None] + _CORNERS[which], 2, 0)
+                waits = changed[tuple(at)].all(axis=1)
+                parts.append(cells[found[~waits]])
+                stuck.append(cells[found[waits]])
+            cells = _once(np.concatenate(parts), labels.shape)
+        cells = _once(np.concatenate([cells, *stuck]), labels.shape)
     return labels, sum(len(found) for found, _ in _pinched(_corner_labels(labels, cells)))
+
+
+def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
+    """Sort cells (C, 3) of a grid, each once."""
+    # as numbers: rows would sort twenty times as slowly, and `unique` hashes
+    keys = np.sort(np.ravel_multi_index(tuple(cells.T), shape))
+    return np.column_stack(np.unravel_index(keys[np.diff(keys, prepend=-1) > 0], shape))
 
 
 def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
