@@ -309,8 +309,9 @@ def _held(rough: ConformingSurface, smooth: FloatArray, at_end: FloatArray, pixe
     edges, shift = rough.edges[0], step
     links = csr_array((np.ones(len(edges)), tuple(edges.T)), shape=(len(step), len(step)))
     links = links + links.T
+    degree = np.asarray(links.sum(axis=1))[:, None]
     for _ in range(SHIFT_ROUNDS):
-        shift = np.asarray(links @ shift) / np.asarray(links.sum(axis=1))[:, None]
+        shift = np.asarray(links @ shift) / degree
     step = step * (1 - np.clip(LESS * np.linalg.norm(shift, axis=1) / pixel, 0, 1))[:, None]
     held = rough.vertices + step * (most / np.maximum(np.linalg.norm(step, axis=1), most))[:, None]
     held[:, 2] = np.where(np.isnan(at_end), held[:, 2], at_end)
