@@ -338,10 +338,8 @@ def _with_ends(surface: ConformingSurface, beyond: int, ends: tuple[float, float
 
 def _in_world(surface: ConformingSurface, frame: Frame, first: IntArray) -> ConformingSurface:
     """Walls in mm RAS; normals still leave the larger label."""
-    moved = Mesh(surface.vertices, surface.triangles).transformed(frame.plane_to_world(first))
-    used = np.bincount(moved.faces.ravel(), minlength=len(moved.vertices)) > 0
-    number = np.cumsum(used) - 1  # quicker than sorting
-    return replace(surface, vertices=moved.vertices[used], triangles=number[moved.faces])
+    moved = Mesh(surface.vertices, surface.triangles).transformed(frame.plane_to_world(first)).compact()
+    return replace(surface, vertices=moved.vertices, triangles=moved.faces)
 
 
 def _crossings(

@@ -125,8 +125,7 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
                 changed[tuple(nodes.T)] = True
             parts = [(nodes[:, None] - _CORNERS).reshape(-1, 3)]  # cells that a changed node is a corner of
             for found, which in pinched:  # no others can be; without a node that may change they wait
-                at = np.moveaxis(cells[found, None] + _CORNERS[which], 2, 0)
-                waits = changed[tuple(at)].all(axis=1)
+                waits = changed[tuple(np.moveaxis(cells[found, None] + _CORNERS[which], 2, 0))].all(axis=1)
                 parts.append(cells[found[~waits]])
                 stuck.append(cells[found[waits]])
             cells = _once(np.concatenate(parts), labels.shape)

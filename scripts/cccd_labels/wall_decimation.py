@@ -165,7 +165,5 @@ def _joined(
             triangles.append(place[mesh.faces])
             count += len(mesh.vertices)
         regions.append(np.repeat(surface.regions[faces[:1]], len(triangles[-1]), axis=0))
-    points, faces = np.concatenate(vertices), np.concatenate(triangles)
-    used: BoolArray = np.bincount(faces.ravel(), minlength=len(points)) > 0
-    place = np.cumsum(used) - 1
-    return replace(surface, vertices=points[used], triangles=place[faces], regions=np.concatenate(regions))
+    whole = Mesh(np.concatenate(vertices), np.concatenate(triangles)).compact()
+    return replace(surface, vertices=whole.vertices, triangles=whole.faces, regions=np.concatenate(regions))

@@ -26,11 +26,11 @@ __all__ = [
     "SingleArray",
     "concatenate_ragged",
     "connected_parts",
+    "distinct",
     "offsets_of",
     "owners_of",
     "predecessors",
     "ranks_of",
-    "renumbered",
     "split_ragged",
     "successors",
     "sum_per_part",
@@ -48,9 +48,6 @@ BoolArray: TypeAlias = npt.NDArray[np.bool_]
 RealArray: TypeAlias = npt.NDArray[np.integer[Any] | np.floating[Any]]
 AnyArray: TypeAlias = npt.NDArray[Any]
 
-#: Numbers that are spread wider, for as many as there are, are sorted.
-SPREAD = 8
-
 _Scalar = TypeVar("_Scalar", bound=np.generic)
 
 
@@ -65,22 +62,16 @@ def connected_parts(first: IntArray, second: IntArray, count: int) -> IntArray:
     return np.asarray(scipy.sparse.csgraph.connected_components(links, directed=False)[1], np.int64)
 
 
-def renumbered(numbers: IntArray) -> tuple[IntArray, IntArray]:
-    """Numbers (N,) that occur, ascending, and which of them each (...) is: ``np.unique`` without sorting.
-
-    Examples
-    --------
-    >>> used, place = renumbered(np.array([[7, 3], [3, 9]]))
-    >>> used.tolist(), place.tolist()
-    ([3, 7, 9], [[1, 0], [0, 2]])
-    """
-    if numbers.size == 0 or np.ptp(numbers) > SPREAD * numbers.size:
-        used, place = np.unique(numbers, return_inverse=True)
-        return used, place.reshape(numbers.shape)
-    first = numbers.min()
-    occurs = np.zeros(numbers.max() - first + 1, np.bool_)
-    occurs[numbers - first] = True
-    return np.flatnonzero(occurs) + first, (np.cumsum(occurs) - 1)[numbers - first]
+def distinct(numbers: AnyArray) -> tuple[IntArray, IntArray]:
+    """Distinct whole numbers (N,), ascending, and the place of each element (...) among them."""
+    if numbers.size == 0 or int(numbers.max()) - int(numbers.min()) > 8 * numbers.size:  # spread
+        found, place = np.unique(numbers, return_inverse=True)
+        return found, place.reshape(numbers.shape)
+    low = int(numbers.min())
+    above = numbers.astype(np.int64) - low  # to mark them takes a tenth of the time of sorting
+    there = np.zeros(int(above.max()) + 1, np.bool_)
+    there[above] = True
+    return np.flatnonzero(there) + low, (np.cumsum(there) - 1)[above]
 
 
 def offsets_of(counts: npt.ArrayLike) -> IntArray:

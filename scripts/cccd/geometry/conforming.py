@@ -61,13 +61,15 @@ class ConformingSurface:
     def mesh_of(self, label: int) -> Mesh:
         """Return the closed mesh of a region, oriented outwards; neighbours have the very same vertices."""
         first, second = self.regions[:, 0] == label, self.regions[:, 1] == label
-        return self._part(np.concatenate([self.triangles[first], self.triangles[second, ::-1]]))
+        faces = np.concatenate([self.triangles[first], self.triangles[second, ::-1]])
+        return Mesh(self.vertices, faces).compact()
 
     def wall(self, inside: int, outside: int) -> Mesh:
         """Return the wall between two regions, an open mesh counter-clockwise seen from ``outside``."""
         there = (self.regions == (inside, outside)).all(axis=1)
         back = (self.regions == (outside, inside)).all(axis=1)
-        return self._part(np.concatenate([self.triangles[there], self.triangles[back, ::-1]]))
+        faces = np.concatenate([self.triangles[there], self.triangles[back, ::-1]])
+        return Mesh(self.vertices, faces).compact()
 
     @cached_property
     def edges(self) -> tuple[IntArray, IntArray]:
@@ -82,9 +84,6 @@ class ConformingSurface:
         """Edges (E, 2) along which three walls meet, or more."""
         edges, count = self.edges
         return edges[count > 2]
-
-    def _part(self, faces: IntArray) -> Mesh:
-        return Mesh(self.vertices, faces).compact()
 
 
 def low_passed(surface: ConformingSurface, wave: float, degree: int) -> FloatArray:

@@ -11,7 +11,7 @@ import numpy as np
 import scipy
 
 from cccd.geometry._vtk import triangles_of, vtk
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, renumbered, unit_vectors
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, distinct, unit_vectors
 
 if TYPE_CHECKING:
     import pyvista
@@ -232,7 +232,7 @@ class Mesh:
 
     def compact(self) -> Mesh:
         """Leave out the vertices that no face has."""
-        used, faces = renumbered(self.faces)
+        used, faces = distinct(self.faces)
         return Mesh(self.vertices[used], faces)
 
     def with_neighbours(self, faces: BoolArray) -> BoolArray:
@@ -351,7 +351,7 @@ class Mesh:
     def piece_numbers(self) -> IntArray:
         """Give each face (F,) the number, from 0, of the connected piece that it is of."""
         piece = connected_parts(self.faces[:, :2].ravel(), self.faces[:, 1:].ravel(), len(self.vertices))
-        return renumbered(piece[self.faces[:, 0]])[1]
+        return distinct(piece[self.faces[:, 0]])[1]
 
     def _spanned(self) -> tuple[FloatArray, FloatArray]:
         """First corners (F, 3) of the faces, seen from the mean of the vertices, and the others' product.

@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, vstack
 
-from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts, distinct
 from cccd.geometry.mesh import Mesh
 
 __all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "subdivide"]
@@ -115,12 +115,10 @@ class ControlMesh:
         piece = connected_parts(ends, starts, len(self.vertices))
         found: list[ControlMesh] = []
         for n in np.unique(piece[self.quads[:, 0]]):
-            used, quads = np.unique(self.quads[piece[self.quads[:, 0]] == n], return_inverse=True)
+            used, quads = distinct(self.quads[piece[self.quads[:, 0]] == n])
             mine = piece[self.creases[:, 0]] == n if len(self.creases) else np.zeros(0, np.bool_)
             creases = np.searchsorted(used, self.creases[mine])
-            found.append(
-                ControlMesh(self.vertices[used], quads.reshape(-1, 4), creases, self.sharpness[mine])
-            )
+            found.append(ControlMesh(self.vertices[used], quads, creases, self.sharpness[mine]))
         return found
 
     @cached_property
