@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17638,
+    "scripts/cccd": 17635,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1687,
