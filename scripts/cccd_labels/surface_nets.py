@@ -112,6 +112,7 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
             here = _corner_labels(labels, cells)
             pinched = [(found, which) for found, which in _pinched(here) if len(found)]
             if not pinched:
+                cells = cells[:0]
                 break
             moves = [
                 _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)

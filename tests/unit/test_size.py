@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17635,
+    "scripts/cccd": 17637,
     "scripts/cccd_calibration": 726,
     "scripts/cccd_datasets": 1771,
     "scripts/cccd_dicom": 1687,
     "scripts/cccd_formats": 403,
     "scripts/cccd_junctions": 3962,
-    "scripts/cccd_labels": 2707,
+    "scripts/cccd_labels": 2708,
     "scripts/cccd_meshes": 461,
     "scripts/cccd_networks": 306,
     "scripts/cccd_paper": 9534,

@@ -69,7 +69,7 @@ class SplineSolid:
 
     def to_world(self, frame: Frame) -> LoftedSurface:
         """Return the splines and their mesh in mm RAS."""
-        spline = as_written(self.spline, self.stack)
+        spline = _as_written(self.spline, self.stack)
         mesh = spline.tessellate()
         to_plane = np.asarray(np.linalg.inv(self.stack.to_world), float)
         found = check_surface(mesh.transformed(to_plane), self.stack, self.crossing)
@@ -89,7 +89,7 @@ class SplineSolid:
         }
 
 
-def as_written(spline: ControlMesh, stack: SliceStack) -> ControlMesh:
+def _as_written(spline: ControlMesh, stack: SliceStack) -> ControlMesh:
     """Return a spline in mm RAS, its control points rounded: rounding alone may make it cross itself."""
     return spline.transformed(stack.to_world).rounded(CONTROL_POINT_PIXELS * stack.pixel)
 
@@ -124,17 +124,16 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
         places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
             fit.hold(volume)
-            crossing = fit.untangle(lambda spline: as_written(spline, stack).vertices)
+            crossing = fit.untangle(lambda spline: _as_written(spline, stack).vertices)
             if best is None or len(crossing) < len(best[1]):
                 best = fit.spline, crossing
+            if not len(crossing) or most >= AMISS_FINER * finest:
+                break
             drawn = fit.spline.tessellate()
             places = drawn.vertices[drawn.faces[crossing[:, 0], 0]]
-            if not len(places) or most >= AMISS_FINER * finest:
-                break
         if len(lost):
             if attempt == 1:  # it is sought among more triangles
-                fine = moved_to_ends(ahead(cut, max(len(cut.faces) // 2, 2 * SPARE * most)), stack.distance)
-                fine = fewer_triangles(fine, SPARE * most, ends, _dearer(fine, lost, stack))
+                fine = _spared(cut, most, stack, lost)
                 weights = np.ones(len(fine.vertices))
             else:
                 weights *= _dearer(fine, lost, stack)
@@ -165,10 +164,13 @@ def _evened(cut: Mesh, target: Target, finest: int, stack: SliceStack) -> tuple[
     return fine, weights, most
 
 
-def _spared(cut: Mesh, most: int, stack: SliceStack) -> Mesh:
-    """Collapse edges of a mesh until so many triangles can be chosen from it."""
-    fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
-    return fewer_triangles(fine, SPARE * most, stack.distance.ends)
+def _spared(cut: Mesh, most: int, stack: SliceStack, lost: FloatArray | None = None) -> Mesh:
+    """Collapse edges of a mesh until so many triangles can be chosen from it, later beside places (P, 3)."""
+    left = SPARE * most
+    first = left if lost is None else max(len(cut.faces) // 2, 2 * left)
+    fine = moved_to_ends(ahead(cut, first), stack.distance)
+    weights = None if lost is None else _dearer(fine, lost, stack)
+    return fewer_triangles(fine, left, stack.distance.ends, weights)
 
 
 def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:
