@@ -8,13 +8,12 @@ whatever the pairs are, and only what was a corner before the split can have oth
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse import coo_array, diags_array
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
-from cccd.surface.flat_caps import fill_rim
+from cccd.surface.flat_caps import fill_rim, unfold
 from cccd.tolerances import TINY
 
 __all__ = [
@@ -34,8 +33,6 @@ SAME_HEIGHT = 1e-6
 EVENNESS = 1e-3
 #: A pair is a quad where its triangles' normals agree (1 - cosine), and no corner is straight (cosine).
 MOST_BENT, MOST_ALIGNED = 0.6, 0.97
-#: Rounds in which the points of a cap go to their neighbours' means.
-RELAXING_ROUNDS = 5
 #: Rounds in which triangles without a partner look for one by changing one pair; few are left after these.
 PAIRING_ROUNDS = 5
 
@@ -144,20 +141,11 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     number[len(inner) + np.flatnonzero(known)] = middles[at[known]]
     new = number < 0
     points[~new] = wall.vertices[number[~new]]
-    points = _relaxed(points, quads, new)
+    rims = open_edges(quads)
+    sampler = ControlMesh(points, quads, rims, np.full(len(rims), SHARP)).sampler()
+    points[:, :2] = unfold(points[:, :2], sampler if upwards else sampler.mirrored(), new)
     number[new] = count + np.arange(int(new.sum()))
     return points[new], number[quads]
-
-
-def _relaxed(points: FloatArray, quads: IntArray, moving: BoolArray) -> FloatArray:
-    """Move points (P, 3) to their neighbours' means: where a rim's middle bulges, its cap gives way."""
-    edges, _ = quad_edges(quads)
-    both = np.concatenate([edges, edges[:, ::-1]])
-    links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(len(points), len(points))).tocsr()
-    mean = diags_array(np.where(moving, 1 / np.maximum(links.sum(axis=1), 1), 0.0)) @ links
-    for _ in range(RELAXING_ROUNDS):
-        points = np.where(moving[:, None], mean @ points, points)
-    return points
 
 
 def on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:

@@ -1,4 +1,7 @@
-"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few."""
+"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few.
+
+The curve of a rim bulges beyond its corners: where the surface within folds over it, its points give way.
+"""
 
 from __future__ import annotations
 
@@ -6,11 +9,13 @@ from typing import Any, cast
 
 import manifold3d
 import numpy as np
+from scipy.optimize import minimize
 from scipy.spatial import Delaunay, cKDTree
 
-from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
+from cccd.geometry.subdivision import Sampler
 
-__all__ = ["fill_rim"]
+__all__ = ["fill_rim", "unfold"]
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
@@ -18,6 +23,8 @@ _FROM_RIM = 0.75
 _GROWTH = 0.6
 #: The shortest edges, in medians: a rim's tiny sides do not fill the cap.
 _SHORTEST = 0.25
+#: Triangles of a cap that folded have at least this share of the median one's area.
+_LEAST_AREA = 0.01
 #: Share by which a cap's area may change.
 _SAME_AREA = 1e-6
 
@@ -52,6 +59,45 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
     fill = cast(Any, manifold3d).triangulate  # its stubs leave the arrays' types open
     spanned = np.asarray(fill([points[loop] for loop in loops]), np.int64)
     return np.zeros((0, 2)), order[spanned]
+
+
+def unfold(points: FloatArray, sampler: Sampler, moving: BoolArray) -> FloatArray:
+    """Move control points of a plane surface where it folds over itself.
+
+    The squared lack of area of all triangles that have less than some is minimized.
+
+    Parameters
+    ----------
+    points : (P, 2) float64
+    sampler : Sampler
+        Of the surface; its triangles are counter-clockwise where nothing folds.
+    moving : (P,) bool
+        Points that may move: those within the rim.
+
+    Returns
+    -------
+    (P, 2) float64
+    """
+    triangles, count = sampler.triangles, sampler.matrix.shape[0]
+    area = _areas(sampler.matrix @ points, triangles)
+    least = _LEAST_AREA * float(np.median(area))
+    if area.min() >= least:
+        return points
+    moved = points.copy()
+
+    def lack(places: FloatArray) -> tuple[float, FloatArray]:
+        moved[moving] = places.reshape(-1, 2)
+        samples = sampler.matrix @ moved
+        missing = np.maximum(1 - _areas(samples, triangles) / least, 0.0)
+        corners = samples[triangles]
+        across = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # an area grows across its side
+        slope = missing[:, None, None] / least * across[..., ::-1] * [1, -1]
+        at = triangles.ravel()
+        each = [np.bincount(at, slope[..., axis].ravel(), count) for axis in (0, 1)]
+        return float(missing @ missing), (sampler.matrix.T @ np.column_stack(each))[moving].ravel()
+
+    moved[moving] = minimize(lack, points[moving].ravel(), jac=True, method="L-BFGS-B").x.reshape(-1, 2)
+    return moved
 
 
 def _loops(rim: IntArray) -> list[IntArray]:
