@@ -25,6 +25,8 @@ _GROWTH = 0.6
 _SHORTEST = 0.25
 #: Triangles of a cap that folded have at least this share of the median one's area.
 _LEAST_AREA = 0.01
+#: Moves that unfold it, at most: what folds after these has a rim that crosses itself.
+_UNFOLDING_ROUNDS = 30
 #: Share by which a cap's area may change.
 _SAME_AREA = 1e-6
 
@@ -96,7 +98,10 @@ def unfold(points: FloatArray, sampler: Sampler, moving: BoolArray) -> FloatArra
         each = [np.bincount(at, slope[..., axis].ravel(), count) for axis in (0, 1)]
         return float(missing @ missing), (sampler.matrix.T @ np.column_stack(each))[moving].ravel()
 
-    moved[moving] = minimize(lack, points[moving].ravel(), jac=True, method="L-BFGS-B").x.reshape(-1, 2)
+    found = minimize(
+        lack, points[moving].ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _UNFOLDING_ROUNDS}
+    )
+    moved[moving] = found.x.reshape(-1, 2)
     return moved
 
 
