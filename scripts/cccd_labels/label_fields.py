@@ -46,15 +46,11 @@ SLAB_MARGIN = 6
 FILLED_PIXELS = 1.5
 #: Walls keep this share of an edge of the grid away from its nodes.
 NODE_MARGIN = 0.02
-#: Steps that bring vertices onto walls, where distances change by the root of this for each node at least;
-#: and vertices at once: each takes some 600 bytes meanwhile.
-NEWTON_STEPS, LEAST_SLOPE, SLAB_CELLS = 2, 0.05, 100_000
 #: What it costs in pixels to move a node across the plane at which the scan ends.
 NEVER = 1e3
 #: mm, or levels: heights so near to each other are the same.
 SAME_HEIGHT = 1e-6
 
-_CORNERS = np.array(list(itertools.product((0, 1), repeat=3)))
 #: Distances in pixels: near a wall, half precision knows them to a thousandth.
 HalfArray: TypeAlias = np.ndarray[tuple[int, ...], np.dtype[np.float16]]
 #: Numbers of labels.
@@ -294,35 +290,6 @@ class LabelFields:
             crossed = at_end & (begin <= plane) & (end >= plane)
             share[crossed] = (plane - begin[crossed]) / (end[crossed] - begin[crossed])
         return np.asarray(share, float)
-
-    def on_walls(self, vertices: FloatArray, labels: LabelArray) -> FloatArray:
-        """Move vertices (V, 3), in nodes, to where the distances to the two labels around them are equal.
-
-        ``labels`` (L, I, J) are the nodes'. By Newton's steps, linear along the grid's edges; in cells of
-        more labels, and at the scan's ends, vertices stay.
-        """
-        slabs = np.array_split(vertices, len(vertices) // SLAB_CELLS + 1)
-        return np.concatenate([self._on_walls(slab, labels) for slab in slabs])
-
-    def _on_walls(self, vertices: FloatArray, labels: LabelArray) -> FloatArray:
-        moved, cells = vertices.copy(), np.floor(vertices).astype(np.int64)
-        own = labels[tuple((cells[:, None] + _CORNERS).transpose(2, 0, 1))]
-        low, high = own.min(axis=1), own.max(axis=1)
-        two = np.all((own == low[:, None]) | (own == high[:, None]), axis=1) & (high != self.beyond)
-        own, cells, corner = own[two], cells[two], (cells[two, None] + _CORNERS).reshape(-1, 3)
-        depth = self._depth(corner, *(np.repeat(side[two], 8) for side in (low, high)), own.ravel())
-        inside = np.where(own == high[two, None], 1, -1) * depth.reshape(-1, 8)
-        for _ in range(NEWTON_STEPS):
-            part = np.where(_CORNERS, (moved[two] - cells)[:, None], 1 - (moved[two] - cells)[:, None])
-            off = (inside * part.prod(axis=2)).sum(axis=1)
-            slopes = [
-                (inside * (2 * _CORNERS[:, axis] - 1) * np.delete(part, axis, axis=2).prod(axis=2)).sum(axis=1)
-                for axis in range(3)
-            ]
-            slope = np.column_stack(slopes)
-            step = (off / np.maximum((slope**2).sum(axis=1), LEAST_SLOPE))[:, None] * slope
-            moved[two] = cells + np.clip(moved[two] - step - cells, NODE_MARGIN, 1 - NODE_MARGIN)
-        return moved
 
     def _depth(self, nodes: IntArray, low: LabelArray, high: LabelArray, own: LabelArray) -> FloatArray:
         """How far (E,) nodes are from changing between two labels; 0 for those that went over to ``own``."""

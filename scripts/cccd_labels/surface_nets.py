@@ -1,9 +1,11 @@
 """Surfaces between the regions of a grid of labels: surface nets whose regions are all manifold.
 
-One vertex stands in each cell of the grid whose corners have different labels, one quadrilateral crosses
-each edge between nodes of different labels (Gibson 1998): what two regions share is one surface from the
-start. A region's surface is manifold where its nodes are well-composed (Latecki 1997), so nodes by which two
-parts of a region would touch along an edge or in a corner only go over to a neighbour first.
+One quadrilateral crosses each edge between nodes of different labels (Gibson 1998), so what two regions
+share is one surface from the start. Its corners stand in the cells around the edge. A cell of two labels has
+a vertex for each sheet of surface in it (Nielson 2004), parted on its faces by the asymptotic decider
+(Nielson and Hamann 1991). One of more labels has one vertex; a region's surface is manifold there where its
+nodes are well-composed (Latecki 1997), so nodes by which two parts of a region would touch along an edge or
+in a corner only go over to a neighbour first.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from itertools import product
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, connected_parts
 from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 
@@ -37,6 +39,19 @@ _CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of 
 #: The four corners of each of a cell's faces, around it, and the ends of its diagonals.
 _FACES = np.array([(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)])
 _DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
+#: Ends of a cell's edges, four along each axis: from its first corner, from the next along the third axis,
+#: along the second, and along both; the second is the one after an axis, the third the one after that.
+_EDGES = np.array(
+    [
+        (start, start + step)
+        for step, second, third in ((4, 2, 1), (2, 1, 4), (1, 4, 2))
+        for start in (0, third, second, second + third)
+    ]
+)
+#: Edges between neighbouring corners of a cell's faces.
+_SIDES = np.array(
+    [[_EDGES.tolist().index(sorted(side)) for side in zip(f, np.roll(f, -1), strict=True)] for f in _FACES]
+)
 
 
 def _mixed(labels: LabelArray) -> BoolArray:
@@ -58,6 +73,12 @@ def _thin(mixed: BoolArray) -> BoolArray:
 def _nodes_at(corner: IntArray, cells: BoolArray) -> tuple[slice, ...]:
     """Nodes that are a given corner (3,) of each cell."""
     return tuple(slice(start, start + size) for start, size in zip(corner, cells.shape, strict=True))
+
+
+def _of_two(corner_labels: LabelArray) -> BoolArray:
+    """Whether the corners (C, 8) of cells have no more than two labels."""
+    low, high = corner_labels.min(axis=1), corner_labels.max(axis=1)
+    return np.asarray(np.all((corner_labels == low[:, None]) | (corner_labels == high[:, None]), axis=1))
 
 
 def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
@@ -110,6 +131,7 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
         changed, stuck = fixed.copy(), [cells[:0]]
         for _ in range(MOST_ROUNDS):
             here = _corner_labels(labels, cells)
+            cells, here = (part[~_of_two(here)] for part in (cells, here))
             pinched = [(found, which) for found, which in _pinched(here) if len(found)]
             if not pinched:
                 cells = cells[:0]
@@ -131,7 +153,8 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
                 stuck.append(cells[found[waits]])
             cells = _once(np.concatenate(parts), labels.shape)
         cells = _once(np.concatenate([cells, *stuck]), labels.shape)
-    return labels, sum(len(found) for found, _ in _pinched(_corner_labels(labels, cells)))
+    here = _corner_labels(labels, cells)
+    return labels, sum(len(found) for found, _ in _pinched(here[~_of_two(here)]))
 
 
 def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
@@ -188,13 +211,20 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
     Returns
     -------
     ConformingSurface
-        Every vertex is the mean of the cuts of its cell's edges. Normals leave the larger label.
+        Every vertex is the mean of the cuts of its cell's edges, or of those of one sheet of surface in the
+        cell; it moves as far as the middles of its quadrilaterals are off them. Normals leave the larger
+        label.
     """
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
-    total, count = np.zeros((len(cells), 3)), np.zeros(len(cells))
+    several, sheets = _sheets(labels, cells, cut)
+    row = np.full(len(cells), -1)
+    row[several] = np.arange(len(several))
+    size = max(len(cells), int(sheets.max(initial=-1)) + 1)
+    total, count = np.zeros((size, 3)), np.zeros(size)
     quads: list[IntArray] = []
+    cuts: list[FloatArray] = []
     regions: list[IntArray] = []
     for axis in range(3):
         nodes = np.argwhere(np.diff(labels, axis=axis) != 0)
@@ -203,19 +233,81 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
         point = nodes.astype(float)
         point[:, axis] += cut(nodes, ends, low, high)
         second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
-        around = [nodes - second - third, nodes - third, nodes, nodes - second]
-        quad = np.column_stack(
-            [np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)) for cell in around]
-        )
+        around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
+        quad = np.empty((len(nodes), 4), np.int64)
+        for corner, (cell, edge) in enumerate(around):
+            at = np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape))
+            of_sheet = row[at] >= 0
+            at[of_sheet] = sheets[row[at[of_sheet]], 4 * axis + edge]
+            quad[:, corner] = at
         for corner in quad.T:
             for x in range(3):
-                total[:, x] += np.bincount(corner, point[:, x], len(cells))
-            count += np.bincount(corner, minlength=len(cells))
+                total[:, x] += np.bincount(corner, point[:, x], size)
+            count += np.bincount(corner, minlength=size)
+        cuts.append(point)
         quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
     vertices = total / count[:, None]
-    quad, sides = np.concatenate(quads), np.concatenate(regions)
+    quad, sides, point = np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts)
+    off = point - vertices[quad].mean(axis=1)
+    # means lie within what is bent: they move as far as the middles of their quadrilaterals are off the cuts
+    for x in range(3):
+        vertices[:, x] += np.bincount(quad.ravel(), np.repeat(off[:, x], 4), size) / count
     return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0))
+
+
+def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:
+    """Part the sheets of surface in cells (C, 3) of two labels that may have several.
+
+    Returns
+    -------
+    several : (S,) int64
+        Those cells.
+    vertices : (S, 12) int64
+        The vertex of the sheet that cuts each of their edges: the cell's own, or one from C on.
+    """
+    here, own = _corner_labels(labels, cells), len(cells)
+    two = np.flatnonzero(_of_two(here))
+    several = two[np.unique(np.concatenate([found for found, _ in _pinched(here[two])]))]
+    cuts = here[several][:, _EDGES[:, 0]] != here[several][:, _EDGES[:, 1]]
+    number = cuts[:, _SIDES].sum(axis=2)
+    cell, face = np.nonzero(number == 2)
+    two_sides = cuts[cell[:, None], _SIDES[face]]
+    ends = [two_sides.argmax(axis=1), 3 - two_sides[:, ::-1].argmax(axis=1)]
+    plain = np.column_stack([12 * cell + _SIDES[face, side] for side in ends])
+    cell, face = np.nonzero(number == 4)
+    joined, same = _joined_across(labels, cells[several[cell]], face, cut)
+    sides = 12 * cell[:, None] + _SIDES[face]
+    while True:
+        strips = np.where(joined[same, None], sides, np.roll(sides, 1, axis=1))
+        sheet = connected_parts(*np.concatenate([plain, strips.reshape(-1, 2)]).T, cuts.size)
+        # two strips between the same two vertices would share an edge
+        twice = np.bincount(same, sheet[strips[:, 0]] == sheet[strips[:, 2]], len(joined)) == 2
+        if not twice.any():
+            break
+        joined ^= twice
+    sheet = sheet.reshape(cuts.shape)
+    vertices = np.repeat(several[:, None], 12, axis=1)
+    other = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
+    vertices[other] = own + np.unique(sheet[other], return_inverse=True)[1]
+    return several, vertices
+
+
+def _joined_across(
+    labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
+) -> tuple[BoolArray, IntArray]:
+    """Whether the first corner's label is joined across faces with both labels at opposite corners.
+
+    Each face of cells (K, 3) is two cells'; decided once, by the value where the distance between the labels,
+    linear along the face's edges, has its saddle. Returns that (F,), and which of these each (K,) is.
+    """
+    corners = cells[:, None] + _CORNERS[_FACES[face]]
+    keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
+    _, once, same = np.unique(keys, return_index=True, return_inverse=True)
+    corners = corners[once].transpose(1, 0, 2)
+    at = [labels[tuple(nodes.T)] for nodes in corners]
+    first, last = (cut(corners[i], corners[j], at[i], at[j]) for i, j in ((0, 1), (3, 2)))
+    return np.where(first == last, at[0] > at[1], first > last), same
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
