@@ -262,11 +262,11 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     """
     frame = fields.frame
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    rough, pinched = _rough(fields)
+    rough, means, pinched = _rough(fields)
     at_end = _at_end(rough, fields)
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, NET_WAVE * wave, ROUNDS), at_end, pixel)
-    moved = smooth - rough.vertices
+    moved = smooth - means
     walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
     del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
@@ -288,13 +288,20 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
-def _rough(fields: LabelFields) -> tuple[ConformingSurface, int]:
-    """Mesh the walls with the grid's ripples, in the plane's mm and height; and the pinched places."""
+def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int]:
+    """Mesh the walls with the grid's ripples, in the plane's mm and height.
+
+    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, and how many
+    places of the grid are pinched.
+    """
     regions, pinched = well_composed(fields.owners(), fields.price)
-    net = surface_nets(regions, fields.cut)
-    height = np.interp(net.vertices[:, 0], np.arange(len(fields.heights)), fields.heights)
-    in_plane = net.vertices[:, 1:] * fields.frame.pixel_spacing
-    return replace(net, vertices=np.column_stack([in_plane, height])), pinched
+    net, nearer = surface_nets(regions, fields.cut)
+    levels, spacing = np.arange(len(fields.heights)), fields.frame.pixel_spacing
+    nearer, means = (
+        np.column_stack([nodes[:, 1:] * spacing, np.interp(nodes[:, 0], levels, fields.heights)])
+        for nodes in (nearer, net.vertices)
+    )
+    return replace(net, vertices=nearer), means, pinched
 
 
 def _at_end(rough: ConformingSurface, fields: LabelFields) -> FloatArray:

@@ -198,7 +198,7 @@ def _cheapest(
     return node[once], want[once]
 
 
-def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
+def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray]:
     """Mesh the surfaces between the regions of a grid, in nodes.
 
     Parameters
@@ -212,8 +212,10 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
     -------
     ConformingSurface
         Every vertex is the mean of the cuts of its cell's edges, or of those of one sheet of surface in the
-        cell; it moves as far as the middles of its quadrilaterals are off them. Normals leave the larger
-        label.
+        cell. Normals leave the larger label.
+    (V, 3) float64
+        Means lie within what is bent: vertices nearer to it, moved as far as the middles of their
+        quadrilaterals are off the cuts.
     """
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
@@ -250,10 +252,9 @@ def surface_nets(labels: LabelArray, cut: Cut) -> ConformingSurface:
     vertices = total / count[:, None]
     quad, sides, point = np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts)
     off = point - vertices[quad].mean(axis=1)
-    # means lie within what is bent: they move as far as the middles of their quadrilaterals are off the cuts
-    for x in range(3):
-        vertices[:, x] += np.bincount(quad.ravel(), np.repeat(off[:, x], 4), size) / count
-    return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0))
+    nearer = [np.bincount(quad.ravel(), np.repeat(along, 4), size) / count for along in off.T]
+    net = ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0))
+    return net, vertices + np.column_stack(nearer)
 
 
 def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:
