@@ -5,6 +5,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
 
@@ -259,6 +261,41 @@ def test_an_organ_that_passes_through_itself_says_so_with_the_number_of_places()
         assert (f"in {places} place" in said[0]) if places else said == []
 
 
+def half(nodes, ends, low, high):
+    return np.full(len(nodes), 0.5)
+
+
+@given(st.integers(0, 1_000_000), st.integers(2, 4), st.floats(0.2, 0.8), st.booleans())
+def test_regions_of_noise_are_closed_manifolds_and_two_labels_stay_as_they_are(seed, count, share, even):
+    random = np.random.default_rng(seed)
+    labels = np.zeros((8, 8, 8), np.int32)
+    labels[1:-1, 1:-1, 1:-1] = random.integers(1, count, (6,) * 3) * (random.random((6,) * 3) < share)
+    composed, pinched = well_composed(labels, lambda nodes, labels: labels.astype(float))
+    deep = random.uniform(0.05, 1, labels.shape)
+
+    def cut(nodes, ends, low, high):
+        return deep[tuple(nodes.T)] / (deep[tuple(nodes.T)] + deep[tuple(ends.T)])
+
+    net, _ = surface_nets(composed, half if even else cut)
+    assert all(net.mesh_of(label).is_closed_manifold for label in net.labels)
+    assert pinched == 0
+    assert count > 2 or np.array_equal(labels, composed)
+
+
+def test_vertices_of_a_ball_lie_on_it_on_the_mean():
+    place = np.indices((24,) * 3) - 11.6
+
+    def cut(nodes, ends, low, high):
+        here, there = (np.abs(np.linalg.norm(at - 11.6, axis=1) - 4) for at in (nodes, ends))
+        return here / (here + there)
+
+    net, nearer = surface_nets((np.linalg.norm(place, axis=0) < 4).astype(np.int32), cut)
+    volumes = [
+        Mesh(vertices, net.triangles).volume / (4 / 3 * np.pi * 4**3) for vertices in (net.vertices, nearer)
+    ]
+    assert volumes[0] < 0.97 < 0.99 < volumes[1] < 1.01
+
+
 @pytest.fixture(scope="module")
 def halves():
     """Two half balls of a radius of 20 on a net whose vertices lie on the truth."""
@@ -266,7 +303,7 @@ def halves():
     place = np.indices((49, 49, 49)) - centre.reshape(3, 1, 1, 1)
     radius = np.linalg.norm(place, axis=0)
     labels = np.where(radius < 20, np.where(place[0] < 0, 1, 2), 0).astype(np.int32)
-    net = surface_nets(labels, lambda nodes, ends, low, high: np.full(len(nodes), 0.5))
+    net, _ = surface_nets(labels, half)
     outward = net.vertices - centre
     within = net.regions.min(axis=1) > 0
     outward[np.unique(net.triangles[within]), 0] = 0
@@ -301,7 +338,7 @@ def test_where_a_wall_would_tear_only_what_is_beside_keeps_more():
     place = np.indices((49,) * 3) - 24.2
     bars = (place[:2] % 10 < 3).any(axis=0) & (place[2] % 10 < 3) & (np.linalg.norm(place, axis=0) < 21)
     labels = well_composed(bars.astype(np.int32), lambda nodes, labels: labels.astype(float))[0]
-    net = surface_nets(labels, lambda nodes, *ends: np.full(len(nodes), 0.5))
+    net, _ = surface_nets(labels, half)
     fewer = simplified(net, 0.1)
     assert len(fewer.triangles) < 0.2 * len(net.triangles)
     assert fewer.mesh_of(1).is_closed_manifold
