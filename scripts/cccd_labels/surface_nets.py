@@ -28,8 +28,8 @@ NodeCost = Callable[[IntArray, LabelArray], FloatArray]
 #: which the region of the first label ends.
 Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 
-#: Rounds in which nodes go over to a neighbour's label.
-MOST_ROUNDS = 50
+#: Rounds in which nodes go over to a neighbour's label; the last ones change few.
+MOST_ROUNDS = 500
 #: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
 SLAB_QUADS = 100_000
 #: What it costs more to take a node from a region that is one node thin there: it would have a hole.

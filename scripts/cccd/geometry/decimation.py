@@ -196,7 +196,7 @@ class _Collapsing:
     quadrics: FloatArray  # (V, 10), upper triangle of the 4 x 4 matrix
     areas: FloatArray  # (V,)
     normals: FloatArray  # (V, 3), weighted by area
-    on_line: BoolArray  # (V,), whether faces of two parts meet there
+    line: IntArray  # (V,), the largest part that meets another one there; -1 within a part
 
     @classmethod
     def of(cls, mesh: Mesh, part: IntArray, weights: FloatArray) -> _Collapsing:
@@ -223,7 +223,7 @@ class _Collapsing:
             total[:, :10] * weights[:, None],
             total[:, 10] * weights,
             total[:, 11:],
-            least < most,
+            np.where(least < most, most, -1),
         )
 
     def round(self, most: int, evenness: float) -> bool:
@@ -244,8 +244,8 @@ class _Collapsing:
         starts, ends = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
         once = starts < ends
         u, v = starts[once], ends[once]
-        if self.on_line.any():
-            both = self.on_line[u] & self.on_line[v]
+        if np.any(self.line >= 0):
+            both = (self.line[u] >= 0) & (self.line[v] >= 0)
             both[both] = ~self._along_lines(u[both], v[both])
             u, v = u[~both], v[~both]
         cost, to = self._cost(u, v, evenness)
@@ -270,8 +270,8 @@ class _Collapsing:
         pull = _TO_THE_MIDDLE * area + TINY
         right = pull * ((a + b) / 2).T - quadric[[3, 6, 8]]
         to = _solved(quadric[[0, 4, 7]] + pull, quadric[[1, 2, 5]], right).T
-        to = np.where(self.on_line[u][:, None], a, to)
-        to = np.where(self.on_line[v][:, None], b, to)
+        to = np.where(self.line[u][:, None] >= 0, a, to)
+        to = np.where(self.line[v][:, None] >= 0, b, to)
         x, y, z = to.T
         error = quadric[0] * x * x + quadric[4] * y * y + quadric[7] * z * z + quadric[9]
         error += 2 * (quadric[1] * x * y + quadric[2] * x * z + quadric[5] * y * z)
@@ -310,7 +310,11 @@ class _Collapsing:
             face, k = np.divmod(corner, 3)
             g, h = self.faces[face, (k + 1) % 3], self.faces[face, (k + 2) % 3]
             stays = (g != y[edge]) & (h != y[edge])
-            edge, g, h = edge[stays], g[stays], h[stays]
+            face, edge, g, h = face[stays], edge[stays], g[stays], h[stays]
+            # what has its three points on the line of one part looks like a triangle of that part
+            line = self.line[y[edge]]
+            like = (line == self.line[g]) & (line == self.line[h]) & (line != self.line[x[edge]])
+            good[edge[like & (line > self.part[face])]] = False
             a, b = self.points[g], self.points[h]
             normal, edges2 = _doubled(edges.to[edge], a, b)
             size = np.linalg.norm(normal, axis=1)
@@ -327,7 +331,7 @@ class _Collapsing:
         for values in (self.quadrics, self.normals, self.areas):
             values[v] += values[u]
         self.points[v] = edges.to
-        self.on_line[v] |= self.on_line[u]
+        self.line[v] = np.maximum(self.line[v], self.line[u])
         kept = np.ones(len(self.points), np.bool_)
         kept[u] = False
         number = np.cumsum(kept) - 1
@@ -336,7 +340,7 @@ class _Collapsing:
         left = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
         self.faces, self.part = faces[left], self.part[left]
         self.points, self.quadrics, self.areas = self.points[kept], self.quadrics[kept], self.areas[kept]
-        self.normals, self.on_line = self.normals[kept], self.on_line[kept]
+        self.normals, self.line = self.normals[kept], self.line[kept]
 
 
 class _Around:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
@@ -18,10 +18,10 @@ from cccd.tolerances import TINY
 
 __all__ = [
     "SAME_HEIGHT",
+    "caps_of",
     "control_mesh",
     "fewer_triangles",
     "join_in_pairs",
-    "on_caps",
     "open_edges",
     "split_to_quads",
     "with_caps",
@@ -61,15 +61,15 @@ def control_mesh(
         The triangles that it was made of, the caps' included.
     """
     few = fewer_triangles(fine, most, ends, weights)
-    flat = on_caps(few, ends)
-    return _split(Mesh(few.vertices, few.faces[~flat]).compact()), few
+    on_wall = caps_of(few, ends) == 0
+    return _split(Mesh(few.vertices, few.faces[on_wall]).compact()), few
 
 
 def fewer_triangles(
     mesh: Mesh, most: int, ends: tuple[float, float], weights: FloatArray | None = None
 ) -> Mesh:
     """Collapse edges as `collapse_edges` does; what lies at the heights ``ends`` stays there exactly."""
-    few = collapse_edges(mesh, most, EVENNESS, weights, on_caps(mesh, ends).astype(np.int64))
+    few = collapse_edges(mesh, most, EVENNESS, weights, caps_of(mesh, ends))
     vertices = few.vertices.copy()
     for end in ends:
         vertices[np.abs(vertices[:, 2] - end) < SAME_HEIGHT, 2] = end
@@ -148,11 +148,11 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     return points[new], number[quads]
 
 
-def on_caps(mesh: Mesh, ends: tuple[float, float]) -> BoolArray:
-    """Which triangles (F,) lie on one of two planes across z."""
+def caps_of(mesh: Mesh, ends: tuple[float, float]) -> IntArray:
+    """On which of two planes across z, 1 or 2, each triangle (F,) lies; 0 on none."""
     height = mesh.vertices[mesh.faces, 2]
-    flat = [np.all(height == end, axis=1) for end in ends]
-    return np.asarray(np.any(flat, axis=0), np.bool_)
+    lower, upper = (np.all(height == end, axis=1) for end in ends)
+    return np.asarray(lower + 2 * upper, np.int64)
 
 
 def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
-from scipy.ndimage import binary_opening, gaussian_filter
+from scipy.ndimage import binary_dilation, binary_erosion, binary_opening, gaussian_filter, label
 from support.shapes import assert_sound, ball, curves_of, fork, grid
 from support.solids import mesh_of, sphere
 from trimesh import creation
 
+import cccd
 from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
@@ -59,6 +60,21 @@ def test_caps_with_small_holes_do_not_fold(off, monkeypatch):
     """Rims of small holes bulge over edges of the cap beside them."""
     monkeypatch.setattr(spline, "OFF_PIXELS", off)
     assert sum(map(folded_area_of_caps, (4, 8))) == 0
+
+
+def test_no_wall_comes_to_look_like_a_cap():
+    """A shallow groove in a cap, whose triangles end up with all their corners on the rim."""
+    random = np.random.default_rng([2026, 136])
+    field = gaussian_filter(random.normal(size=(44, 44, 40)), random.uniform(2.5, 6))
+    away = sum(np.meshgrid(*(np.linspace(-1, 1, n) ** 2 for n in field.shape), indexing="ij"))
+    field = field / field.std() - 2.5 * away
+    mask, _ = label(field > np.quantile(field, 1 - random.uniform(0.05, 0.35)))
+    mask = mask == np.bincount(mask.ravel())[1:].argmax() + 1
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    share = random.choice([0.1, 0.25, 0.5])
+    mask ^= binary_dilation(mask) & ~binary_erosion(mask) & (random.random(mask.shape) < share)
+    mask[[0, -1]] = mask[:, [0, -1]] = False
+    assert_sound(cccd.reconstruct(mask, np.eye(4)).lofted)
 
 
 @pytest.mark.parametrize("depth", [1, 3])
