@@ -23,9 +23,9 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
 from cccd.plugins import find, table
-from cccd.surface.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
+from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
 
 __all__ = [
