@@ -44,8 +44,6 @@ from cccd_training.junctions.synthetic_maps import (
 )
 from cccd_training.junctions.tasks import make_task
 
-__all__ = ["trained_scores"]
-
 COUNTS = (25, 70, 200)
 #: Epochs over the largest number of graphs, and graphs per step of our network.
 EPOCHS, BATCH = 4, 4

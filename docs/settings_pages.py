@@ -17,8 +17,6 @@ from cccd.settings.formats import BAND_FORMATS, FORMATS
 from cccd.settings.root import whole_settings
 from cccd.settings.section import Section
 
-__all__ = ["Key", "documentation", "editor_schema", "generated_files", "keys", "yaml_defaults"]
-
 #: Comments start in this column at most; longer values push theirs to the right.
 COMMENT_COLUMN = 28
 

@@ -17,8 +17,6 @@ import numpy as np
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import BoolArray, owners_of, successors, sum_per_part
 
-__all__ = ["DIRECTIONS", "broken_links", "chain_codes", "changed_pixels", "on_pixel_chain"]
-
 #: Step (di, dj) of each Freeman code (Figure 1).
 DIRECTIONS = np.array([(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)])
 

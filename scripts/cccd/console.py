@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import TextIO
 
-__all__ = ["OrganLines", "clock", "duration", "joined_warnings", "millilitres", "organ_table", "print_error"]
-
 #: Share of the jobs after which the time left is worth saying.
 FORESEEN = 0.1
 #: Organs that a warning of several names.

@@ -13,8 +13,6 @@ from cccd.containers import Curves, Structure
 from cccd.errors import InputError
 from cccd.tracing import left_out, level_curves, trace_stack
 
-__all__ = ["check_closed", "doubtful_slices", "take_contours", "trace_contours"]
-
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
 

@@ -11,8 +11,6 @@ from pathlib import Path
 from cccd.errors import InputError, choices
 from cccd.extras import missing_extra
 
-__all__ = ["dicom_modality", "holds_contours", "lies_in_its_series", "object_in", "referenced_series"]
-
 #: Every DICOM file begins with so many bytes of anything, and then these (PS3.10, section 7.1).
 _PREAMBLE, _MAGIC = 128, b"DICM"
 

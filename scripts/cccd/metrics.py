@@ -12,8 +12,6 @@ from cccd.geometry.booleans import shared_volume
 from cccd.geometry.distance import nearest_faces, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Gaps", "dice", "normal_angles", "solid_dice", "surface_distances"]
-
 #: Points at which normals are compared.
 ANGLES = 10_000
 

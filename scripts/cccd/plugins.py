@@ -35,8 +35,6 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
 
-__all__ = ["PACKAGES", "Command", "Format", "Reader", "call", "find", "folders", "table"]
-
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (
     "cccd",

@@ -13,8 +13,6 @@ from pathlib import Path
 
 from cccd.errors import InputError, choices
 
-__all__ = ["IMAGES_ALONE", "Request", "completed"]
-
 #: Sources of an image alone, in which the organ is found; the mask that they bring is ground truth only.
 IMAGES_ALONE = ("mni152_scan", "mni152_head", "phantom_scan")
 _TUMOUR = ("tumour", "tumor", "lesion")

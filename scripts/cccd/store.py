@@ -34,33 +34,6 @@ if TYPE_CHECKING:  # loaded where they are read: each job has a process of its o
     from cccd.geometry.conforming import ConformingSurface
     from cccd.geometry.subdivision import ControlMesh
 
-__all__ = [
-    "atomic_path",
-    "bodies_bytes",
-    "check_writable",
-    "read_band",
-    "read_bodies",
-    "read_boundaries",
-    "read_compared",
-    "read_conforming",
-    "read_curves",
-    "read_drawn",
-    "read_json",
-    "read_report",
-    "read_sections",
-    "read_splines",
-    "read_structure",
-    "read_table",
-    "write_boundaries",
-    "write_conforming",
-    "write_contours",
-    "write_control_meshes",
-    "write_curves",
-    "write_json",
-    "write_structure",
-    "write_table",
-]
-
 _T = TypeVar("_T")
 
 #: Arrays of organs that share their walls.
@@ -129,6 +102,7 @@ def new_file(path: str | Path) -> Generator[h5py.File, None, None]:
 
 @contextlib.contextmanager
 def open_file(path: str | Path) -> Generator[h5py.File, None, None]:
+    """Open a file to read; one that is damaged, or of another layout, is one line to its user."""
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -215,6 +189,7 @@ def read_fields(group: h5py.Group, kind: type[_T]) -> _T:
 
 
 def read_value(group: h5py.Group, name: str, kind: Any) -> Any:
+    """Read what `write_fields` wrote of one field."""
     if isinstance(kind, UnionType):  # with None
         return read_value(group, name, get_args(kind)[0]) if name in group else None
     if kind is Frame:

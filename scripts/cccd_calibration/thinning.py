@@ -26,17 +26,6 @@ from cccd.surface.spline import SplineSolid
 from cccd_calibration.conformal import fewest_organs, too_few_organs
 from cccd_calibration.factors import Thinned, calibrate
 
-__all__ = [
-    "EVERY",
-    "Thinning",
-    "averaged",
-    "calibrate_masks",
-    "compare",
-    "sample_offsets",
-    "thin",
-    "thin_once",
-]
-
 #: Every n-th slice is kept.
 EVERY = (2, 3, 4, 6, 8, 10)
 #: Points on the true surface, and as many on the lofted one.

@@ -19,9 +19,6 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.inputs.grid import Volume, even_grid
 from cccd.tolerances import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION
 
-__all__ = ["assemble_contours", "contour_frame"]
-
-
 #: Contours run along pixels when this share of their steps are along an axis and whole numbers of pixels, or
 #: cut corners at 45 degrees, each to this share of a pixel, and at least so many are along an axis.
 TRACED, LEAST_STEPS, ALONG_AXIS = 0.95, 40, 0.02

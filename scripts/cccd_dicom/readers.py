@@ -28,19 +28,6 @@ from cccd.settings.imports import ImportSettings
 from cccd.tolerances import CONTOUR_PLANE, ORTHOGONALITY, SAME_PLANE_MM
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 
-__all__ = [
-    "NO_IMAGES",
-    "Regions",
-    "Segments",
-    "known_uid",
-    "read_regions",
-    "read_segments",
-    "read_series",
-    "region_names",
-    "segment_names",
-    "sop_uid",
-]
-
 #: Slice positions may differ from even spacing by this share of the spacing.
 _EVEN_SPACING = 0.02
 #: Numbers in the headers of one series' slices may differ by this much (they are written with few digits).

@@ -35,16 +35,6 @@ from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
 from cccd_dicom.readers import NO_IMAGES, known_uid, sop_uid
 
-__all__ = [
-    "copy_identity",
-    "identified_dataset",
-    "item_of",
-    "reference_slices",
-    "references_to",
-    "write",
-    "write_rtstruct",
-]
-
 logger = logging.getLogger(__name__)
 _warn_once = cache(logger.warning)  # a series is read for each file that refers to it
 

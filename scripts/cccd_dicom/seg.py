@@ -27,8 +27,6 @@ from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTOUR_PLANE
 from cccd_dicom.rtstruct import copy_identity, reference_slices
 
-__all__ = ["write", "write_seg"]
-
 #: Said where there is no series, and of headers that highdicom makes no SEG of, such as those of two studies.
 _NO_SERIES = ("a SEG needs its DICOM series, and there is none", "name the series' folder as image")
 _UNUSABLE = ("its images cannot carry a SEG", "export the series again, or use RTSTRUCT")

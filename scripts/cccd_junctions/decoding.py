@@ -15,16 +15,6 @@ from cccd.tracing import trace_stack
 from cccd_junctions.boundary import outline
 from cccd_junctions.delaunay import DelaunayGraph, any_corner
 
-__all__ = [
-    "SMALLEST_LOOP_PX",
-    "Outline",
-    "border_loops",
-    "closed_chains",
-    "fill_inside",
-    "fill_loops",
-    "find_outline",
-]
-
 #: Smaller loops, and fragments of fewer pixels, are debris: the loop of eight pixels around one encloses
 #: four.
 SMALLEST_LOOP_PX = 6.0

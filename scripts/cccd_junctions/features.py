@@ -20,8 +20,6 @@ from cccd_junctions.columns import Column, FeatureSchema
 from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd_junctions.intensity import BLURS, IntensitySlice, sample_channels
 
-__all__ = ["INTENSITIES", "LINKS", "NODES", "TRIANGLES", "GraphFeatures", "measure_features"]
-
 # Occupancy around a node: half width in samples, step in pixels (and the box that is averaged).
 _SCALES = ((4, 1), (3, 3), (3, 9))
 

@@ -28,16 +28,6 @@ from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
 
-__all__ = [
-    "Mended",
-    "check_overlap",
-    "drawn_planes",
-    "mend",
-    "read_closed_mesh",
-    "structure_of_mesh",
-    "structure_of_planes",
-]
-
 #: Vertices this near to each other, as a share of the mesh's diagonal, are one: float32 rounds coarser.
 SAME_SHARE = 1e-6
 #: Holes are closed that are at most this wide, as a share of the mesh's diagonal; wider ones are openings.

@@ -21,8 +21,6 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd.tolerances import SAME_PLANE_MM, SLICE_DIRECTION
 
-__all__ = ["DrawnPlane", "planes_of", "surface_through"]
-
 #: Nodes of the grid along the longest side of what was drawn; its surface is smoothed afterwards.
 NODES = 128
 #: Nodes around it, as an organ bulges between planes.

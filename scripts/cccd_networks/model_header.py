@@ -17,16 +17,6 @@ from typing import Any
 from cccd.errors import InputError
 from cccd.settings.junctions import NetworkSettings
 
-__all__ = [
-    "ModelHeader",
-    "check_model",
-    "check_start",
-    "foreign",
-    "foreign_segmenter",
-    "read_header",
-    "read_segmenter_plan",
-]
-
 #: Names of networks in words.
 NAMES = {"ours": "our network", "paper": "the paper's network"}
 

@@ -21,8 +21,6 @@ from __future__ import annotations
 
 from cccd_workflow.report.registry import Comparison, Input, Item
 
-__all__ = ["INPUTS", "ITEMS", "SECTIONS"]
-
 #: Keys of the section ``surface`` that no comparison reads: they are about files.
 UNREAD = (
     "surface.formats",

@@ -19,8 +19,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, SingleArray
 from cccd_segmentation.seeds import Seed
 
-__all__ = ["GrownRegion", "grow_region"]
-
 #: Voxels that are looked at: finer scans are averaged over blocks first. Twice as many took twice as long on
 #: phantoms, and the region's Dice gained 0.004.
 _MOST_VOXELS = 800_000

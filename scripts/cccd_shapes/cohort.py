@@ -28,10 +28,6 @@ from cccd_shapes.statistics import distances_to_others, principal_modes
 from cccd_shapes.subjects import Subject, fingerprint
 from cccd_shapes.template import Template, control_mesh_of
 
-__all__ = [
-    "Cohort", "aligned", "first_template", "fit_cohort", "fit_subject", "problem_of", "read_fit", "write_fit",
-]  # fmt: skip
-
 #: Points at which distances to surfaces are compared, within so many radii of the middle.
 PROBES, PROBED = 400, 1.5
 #: Triangles that are enough for that.

@@ -15,8 +15,6 @@ from cccd_shapes.cohort import Cohort, aligned
 from cccd_shapes.series import fit_series
 from cccd_shapes.statistics import compare_groups, principal_modes
 
-__all__ = ["PERMUTATIONS", "describe"]
-
 #: Permutations of who is of which group: p values down to .0005.
 PERMUTATIONS = 1999
 #: What an earlier call, perhaps of other subjects, may have left in the folder.

@@ -22,8 +22,6 @@ from cccd_meshes.closed_meshes import read_closed_mesh
 from cccd_shapes import FEWEST
 from cccd_workflow.sheet import read_rows
 
-__all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject", "read_surfaces"]
-
 #: Columns that a sheet may have.
 COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group", "time")
 #: What is said in the column ``mirrored``.

@@ -25,22 +25,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.formats import COLOUR
 from cccd_solids.step_points import share_points
 
-__all__ = [
-    "Bound",
-    "Checked",
-    "Curve",
-    "Part",
-    "PlanarFace",
-    "SplineFace",
-    "check_solid",
-    "facet_shell",
-    "make_solid",
-    "read_solid_mesh",
-    "require_kernel",
-    "spline_shell",
-    "write_parts",
-]
-
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
 PRECISION_MM = 1e-6
 

@@ -24,8 +24,6 @@ from cccd_tetrahedra.own_process import call
 from cccd_tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
 from cccd_tetrahedra.shapes import FACES, signed_volumes
 
-__all__ = ["Materials", "TetrahedralMesh", "fill_organs", "sizes_in_mm"]
-
 #: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
 EDGE_SHARE = 1 / 20
 #: ... and faces lie at most this share away from the surface: half a millimetre for a brain.

@@ -18,8 +18,6 @@ from cccd.geometry.arrays import FloatArray
 from cccd.inputs.grid import Volume
 from cccd_tetrahedra.filling import Materials, TetrahedralMesh
 
-__all__ = ["Row", "assign_materials", "bin_materials", "check_materials", "mean_grey_values", "read_table"]
-
 #: Points along an edge at which the scan is sampled, at most: 512 in a tetrahedron.
 MOST_ALONG = 8
 

@@ -16,8 +16,6 @@ from cccd.tolerances import TINY
 from cccd_tetrahedra.chords import unspoiled
 from cccd_tetrahedra.shapes import signed_volumes
 
-__all__ = ["EDGES", "FACE_EDGES", "Curved", "curve_edges", "jacobian_bounds", "quadratic_volumes"]
-
 #: Edges of a tetrahedron in the order of their middle nodes in VTK, Abaqus, CalculiX and FEBio.
 EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 

@@ -26,8 +26,6 @@ from cccd.geometry.thickness import Lines, wall_thickness
 from cccd_vessels.sections import Section, Slicer
 from cccd_vessels.skeleton import Line, degrees, skeleton_lines, without_shortest, without_spurs
 
-__all__ = ["Branch", "Centrelines", "find_centrelines"]
-
 #: Voxels that are thinned, per voxel of the scan ...
 _PER_VOXEL = 2
 #: ... and, of a mesh without a scan, per thickness that 98 % of its surface reach.

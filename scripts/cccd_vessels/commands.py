@@ -26,8 +26,6 @@ from cccd_vessels.named import check_named, write_named
 if TYPE_CHECKING:
     from cccd.geometry.mesh import Mesh
 
-__all__ = ["add_centrelines", "add_hollow", "add_lumen"]
-
 
 def _add_tube(command: argparse.ArgumentParser) -> None:
     command.add_argument(

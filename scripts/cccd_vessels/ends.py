@@ -18,8 +18,6 @@ from cccd_vessels.centrelines import Centrelines
 from cccd_vessels.named import NamedMesh
 from cccd_vessels.sections import Section, Slicer, across
 
-__all__ = ["End", "clear_ends", "find_ends", "opened"]
-
 #: Vertices keep this share of an edge away from the plane: nearer ones would make slivers along the rim.
 _CLEAR = 0.15
 

@@ -14,8 +14,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["affine_of_layer", "get_reader", "make_surface"]
-
 #: What napari makes a layer of: data, its arguments, its kind.
 LayerData = tuple[Any, dict[str, Any], str]
 

@@ -21,8 +21,6 @@ from cccd.request import IMAGES_ALONE
 from cccd_segmentation.seeds import parse_seeds
 from cccd_workflow.sheet import read_rows
 
-__all__ = ["SCHEMA", "brings_maps", "naming_row", "read_cohort"]
-
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 

@@ -12,8 +12,6 @@ from cccd.commands.outputs import check_files
 from cccd.errors import InputError
 from cccd.store import check_writable
 
-__all__ = ["add_compare", "add_report", "add_run"]
-
 
 def add_compare(command: argparse.ArgumentParser) -> None:
     """Measure how far two surfaces, masks or label maps agree, label by label.

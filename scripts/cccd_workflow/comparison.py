@@ -29,8 +29,6 @@ from cccd_labels.label_survey import measure_labels
 from cccd_meshes.closed_meshes import mend
 from cccd_workflow.limits import LIMITS, TOLERANCE_MM
 
-__all__ = ["Compared", "Comparison", "compare", "missed_limits"]
-
 
 @dataclass(frozen=True)
 class _Shape:

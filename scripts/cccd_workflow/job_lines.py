@@ -14,8 +14,6 @@ from typing import TextIO
 
 from cccd.console import FORESEEN, duration
 
-__all__ = ["JobLines", "is_of_jobs", "shorten"]
-
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {
     "job_info", "group_info", "job_started", "job_finished", "job_error", "group_error", "shellcmd",

@@ -13,8 +13,6 @@ from cccd.bands.signs import Slices, signs_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Band", "estimate_band"]
-
 
 @dataclass(frozen=True, eq=False)
 class Band:

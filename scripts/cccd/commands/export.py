@@ -12,8 +12,6 @@ from cccd.files.write import ExportOptions, write_surface
 from cccd.store import read_drawn
 from cccd.surface.surface import read_surface
 
-__all__ = ["add_export"]
-
 
 def add_export(command: argparse.ArgumentParser) -> None:
     """Write a finished structure of the workflow in another format."""

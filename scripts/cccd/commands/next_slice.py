@@ -9,8 +9,6 @@ from cccd.commands.arguments import add_input, read_given
 from cccd.errors import InputError
 from cccd.settings.root import Settings
 
-__all__ = ["add_next"]
-
 
 def add_next(command: argparse.ArgumentParser) -> None:
     """Name the slice in the middle of the widest gap of a partly annotated mask."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.settings.root import Settings
 
-__all__ = ["add_surface"]
-
 #: Processes for a whole map where nobody says: each may need a gigabyte.
 _MOST_CORES = 4
 

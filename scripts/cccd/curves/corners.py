@@ -9,8 +9,6 @@ import numpy as np
 
 from cccd.tolerances import ROUNDING
 
-__all__ = ["CRITERIA", "Ring", "k_cosine", "k_cosine_corners", "local_extrema", "sharp_corners"]
-
 #: Which extremum of the k-cosine is a corner. The cosine is -1 on a straight line and +1 at a spike.
 CRITERIA = ("max", "min")
 

@@ -25,15 +25,6 @@ from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
 
-__all__ = [
-    "CheckedSplines",
-    "corner_splines",
-    "crossed_curves",
-    "crossing_place",
-    "fit_checked",
-    "fit_splines",
-]
-
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
 _Way = Callable[[Curves], tuple[Splines, np.ndarray]]
 

@@ -11,8 +11,6 @@ from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 
-__all__ = ["area_scores", "bytes_per_slice", "distances", "measure_curves", "window_of"]
-
 #: A pixel is a bit of the file.
 _ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]
 

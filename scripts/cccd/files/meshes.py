@@ -21,8 +21,6 @@ from cccd.inputs.nifti_export import write_nifti
 from cccd.settings.formats import NOTE
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["binary_stl", "write_gii", "write_label_map", "write_obj", "write_ply", "write_stl", "write_vtp"]
-
 #: NIfTI's code of the scanner's space.
 _SCANNER = 1
 

@@ -24,8 +24,6 @@ from cccd.inputs.readers import guarded
 from cccd.plugins import find, table
 from cccd.store import read_bodies
 
-__all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]
-
 #: Suffixes of solids, which another package reads.
 CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
 

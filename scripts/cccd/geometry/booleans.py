@@ -10,8 +10,6 @@ from manifold3d import Manifold
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["between_planes", "shared_volume", "united"]
-
 
 def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
     """Cut a closed mesh by planes across z, and close it by planar caps.

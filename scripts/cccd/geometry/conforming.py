@@ -12,8 +12,6 @@ from scipy.sparse import csr_array, diags_array
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import WIDEST_BAND, Mesh
 
-__all__ = ["ConformingSurface", "low_passed"]
-
 
 @dataclass(frozen=True, eq=False)
 class ConformingSurface:

@@ -15,15 +15,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.opencv import distance_to_zero
 from cccd.geometry.raster import voxelise
 
-__all__ = [
-    "grid_to_mesh",
-    "nearest_faces",
-    "nearest_points",
-    "to_mask",
-    "to_mesh",
-    "unsigned_to_mesh",
-]
-
 #: Boxes around the triangles of a mesh, kept while it is: they take longer to make than to ask.
 _TREES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
 #: Nodes of a grid are looked at in cubes of so many along each side: only those near a mesh.

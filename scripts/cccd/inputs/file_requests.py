@@ -17,8 +17,6 @@ from cccd.inputs.load import existing
 from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
 from cccd.request import Request
 
-__all__ = ["Label", "Threshold", "check_rule", "holds_series", "name_of", "refuse_image", "request_for"]
-
 #: Value(s) of a label map, or a name.
 Label: TypeAlias = str | int | Iterable[int]
 #: Whether grey values find the organ, and which, None for no bound.

@@ -18,20 +18,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.inputs.coarser_grid import CoarserGrid
 from cccd.tolerances import ORTHOGONALITY
 
-__all__ = [
-    "LPS_TO_RAS",
-    "Volume",
-    "bounding_box",
-    "check_affine",
-    "crop",
-    "even_grid",
-    "farthest_apart",
-    "find_slice_axis",
-    "interpolate_on_grid",
-    "on_grid",
-    "same_grid",
-]
-
 #: LPS and RAS differ by the sign of the first two axes.
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 #: Tilted slices lie no flatter than this share of the distance between their first pixels (70 degrees).

@@ -46,21 +46,6 @@ from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd.sidecar_files import voxel_files
 
-__all__ = [
-    "FEW_SLICES",
-    "MARGIN_VOXELS",
-    "Scan",
-    "existing",
-    "find_organ",
-    "frame_of",
-    "load_structure",
-    "read_request",
-    "scan_of",
-    "slice_axis_of",
-    "structure_of_array",
-    "with_segmentation_notes",
-]
-
 #: An organ on fewer slices has no slice between two others: its ends are most of it.
 FEW_SLICES = 3
 

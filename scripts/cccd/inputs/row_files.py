@@ -23,22 +23,6 @@ from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
 
-__all__ = [
-    "EACH_ITS_OWN",
-    "LabelMap",
-    "RowFiles",
-    "check_folder",
-    "checksum",
-    "label_values",
-    "list_labels",
-    "read_boundary_maps",
-    "read_image",
-    "read_label_map",
-    "read_mask",
-    "read_masks",
-]
-
-
 _Read = TypeVar("_Read")
 #: Voxels that are compared with whole numbers at once: they stay in the processor's cache.
 _PIECE = 2**16

@@ -6,8 +6,6 @@ from typing import Literal
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["GraphSettings", "InferenceSettings", "NetworkSettings", "PaperSettings"]
-
 # Gates per link: four channels each.
 _HEADS = 8
 

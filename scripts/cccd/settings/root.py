@@ -15,8 +15,6 @@ from cccd.settings.junctions import NetworkSettings
 from cccd.settings.section import Section, setting
 from cccd.settings.surface import LoftSettings
 
-__all__ = ["Settings", "whole_settings"]
-
 
 class Settings(Section):
     """All settings, section by section; what is not given has its default.

@@ -15,8 +15,6 @@ from cccd.geometry.arrays import sum_per_part
 from cccd.settings.curves import CurveSettings
 from cccd_paper.comparisons.confusion import confusion
 
-__all__ = ["SWEEP", "measure_corners"]
-
 #: The k of the paper's figures 10-13.
 SWEEP = CurveSettings().sweep
 

@@ -26,15 +26,6 @@ from cccd_paper.comparisons.reconstruction.connect2d import connect2d
 from cccd_paper.comparisons.reconstruction.tour import tour
 from cccd_paper.junctions.grid import follow_chains
 
-__all__ = [
-    "best_tree_cycle",
-    "circular_path",
-    "connected_complex",
-    "decode",
-    "prize_tour",
-    "seeded_watershed",
-]
-
 _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
 _MARGIN = 3
 

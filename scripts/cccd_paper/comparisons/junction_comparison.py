@@ -36,16 +36,6 @@ from cccd_training.junctions.scoring import SliceScore, score_slice
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map, truth_mask
 from cccd_training.junctions.tasks import make_task
 
-__all__ = [
-    "by_true_labels",
-    "classical_decoder",
-    "compare_decoders",
-    "draw_test_maps",
-    "draw_worst",
-    "evaluate",
-    "network_decoder",
-]
-
 #: The kinds whose mean is the table's row "all ten".
 TEN = tuple(kind for kind in KINDS if kind != "everything")
 

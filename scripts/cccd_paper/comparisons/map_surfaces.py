@@ -28,18 +28,6 @@ from cccd_paper.junctions.grid import build_grid
 from cccd_segmentation.seeds import parse_seeds
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = [
-    "FOUND",
-    "GROWN",
-    "NETWORK",
-    "THRESHOLD",
-    "best_decoded",
-    "best_threshold",
-    "compare_map_surfaces",
-    "map_figures",
-    "map_links",
-]
-
 #: The run's own ordering, and no ordering: the region in which edges were sought, found by a threshold or
 #: grown from a seed, and the threshold that is best of many.
 NETWORK, FOUND, GROWN, THRESHOLD = (

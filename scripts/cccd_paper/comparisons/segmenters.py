@@ -43,17 +43,6 @@ from cccd_viewers.page_files import Panel, SliceFigure
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd_segmentation.model import Segmenter
 
-__all__ = [
-    "A_SEED",
-    "COLUMNS",
-    "THE_IMAGE",
-    "TRUE_MASK",
-    "ShippedNetworks",
-    "compare_segmenters",
-    "load_segmenters",
-    "network_figures",
-]
-
 _Volume = TypeVar("_Volume", BoolArray, SingleArray)
 
 #: What networks start from, and CCCD where no network made the mask: the image, the mask that is the truth,

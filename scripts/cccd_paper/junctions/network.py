@@ -18,8 +18,6 @@ from cccd.geometry.arrays import AnyArray, FloatArray, IntArray
 from cccd_paper.junctions.general_gnn import MESSAGE_PASSING, POST_PROCESS, PRE_PROCESS, GeneralGNN, mlp
 from cccd_paper.junctions.grid import GridGraph, chain_loops
 
-__all__ = ["PaperNetwork", "grid_data", "link_data"]
-
 
 def link_data(features: FloatArray, links: IntArray, candidates: IntArray) -> Data:
     """Make a graph for PyTorch Geometric.

@@ -24,8 +24,6 @@ from cccd_training.junctions.scoring import SliceScore, score_slice
 from cccd_training.junctions.synthetic_maps import RandomStream, SyntheticMap
 from cccd_training.junctions.tasks import Plan, link_and_curve_scores, make_loader
 
-__all__ = ["LinkTask", "PaperTask", "grid_labels"]
-
 # Not in the paper: graphs per step, 20 steps an epoch.
 _BATCH_SIZE = 10
 # The peak of one cycle of AdamW: the best of a sweep (docs/measured/paper_network.csv).

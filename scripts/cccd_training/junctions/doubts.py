@@ -37,8 +37,6 @@ from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_images import draw_image
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, SyntheticMap, draw_map
 
-__all__ = ["LEVELS", "Doubts", "edges_of_slices", "levels_of_shares", "measure_doubts", "wrong_unlisted"]
-
 #: Doubts from which slices may be listed.
 LEVELS = 1 / (1 + np.exp(-np.arange(-8, 4, 0.02)))
 #: Where fewer slices than this share stay unlisted, the wrong ones count as if it were this many.

@@ -33,8 +33,6 @@ from cccd_junctions.boundary import gradient_ridges, outline
 from cccd_training.junctions.random_masks import smooth_noise
 from cccd_training.junctions.synthetic_images import canny_map, draw_image
 
-__all__ = ["DETECTORS", "FAMILIES"]
-
 _Drawn = tuple[BoolArray, SingleArray | None]
 _Detector = Callable[[np.random.Generator, SingleArray], BoolArray]
 

@@ -31,8 +31,6 @@ from cccd_training.junctions.synthetic_maps import (
     draw_map,
 )
 
-__all__ = ["generate_graphs", "read_maps"]
-
 logger = logging.getLogger(__name__)
 
 SPLITS = ("training", "validation", "test")

@@ -24,8 +24,6 @@ from cccd_training.junctions.frozen_graphs import SPLITS, read_maps
 from cccd_training.junctions.start import fingerprint, start_from
 from cccd_training.junctions.tasks import Plan, Task, make_task
 
-__all__ = ["train_model", "train_task"]
-
 logger = logging.getLogger(__name__)
 
 # Decoupled weight decay (Loshchilov and Hutter 2019): small, as fresh maps leave little to be learnt by

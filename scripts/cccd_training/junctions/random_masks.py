@@ -16,8 +16,6 @@ from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
 from cccd.geometry.opencv import components
 from cccd.tolerances import CONTRAST
 
-__all__ = ["draw_mask", "smooth_noise"]
-
 # Directions in which a polar outline is evaluated; finer than the pixels of the largest mask.
 _ANGLES = 4096
 

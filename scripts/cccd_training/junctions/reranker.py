@@ -33,8 +33,6 @@ from cccd_junctions.uncertainty import areas_between, doubt_facts
 from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map
 
-__all__ = ["Example", "draw_examples", "fit_doubt", "train_reranker"]
-
 #: How often each kind of map is drawn.
 KINDS = {
     "spurs": 1.5,

@@ -24,8 +24,6 @@ from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.scoring import SliceScore, score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap
 
-__all__ = ["OurTask", "Plan", "Task", "link_and_curve_scores", "link_scores", "make_loader", "make_task"]
-
 
 @dataclass(frozen=True)
 class Plan:

@@ -17,8 +17,6 @@ from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
 from cccd_workflow.remote import RemoteFile, is_remote, read_address
 
-__all__ = ["ContourWay", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
-
 #: The kinds of input that a row may name, and the functions that lead to the contours of each.
 Kind = Literal["boundary maps", "drawn contours", "mask"]
 ContourWay = Literal["order_contours", "take_contours", "trace_contours"]

@@ -15,8 +15,6 @@ from cccd_segmentation.networks import networks
 from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd_workflow.plan.cohort import PlannedCohort, near
 
-__all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
-
 #: The junction network in use.
 MODEL = "results/gnn/model.pt"
 

@@ -24,8 +24,6 @@ from cccd_workflow.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find
 from cccd_workflow.plan.resources import digest, digest_files
 from cccd_workflow.report.registry import Comparison, comparisons, inputs, items, registered
 
-__all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
-
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
 

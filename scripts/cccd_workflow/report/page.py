@@ -32,8 +32,6 @@ from cccd_workflow.report.structure_view import StructureView, figure_view, view
 from cccd_workflow.report.summary import Cohort, benchmark_table, build_tables, read_cohort
 from cccd_workflow.report.templates import shared_facts, write_page
 
-__all__ = ["build_case_page", "build_comparison_page", "build_report", "build_report_of_finished"]
-
 #: Width in pixels of a picture in the cohort's page.
 _THUMB_WIDTH = 360
 

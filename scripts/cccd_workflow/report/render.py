@@ -20,17 +20,6 @@ import numpy as np
 if TYPE_CHECKING:
     from cccd.geometry.mesh import Mesh
 
-__all__ = [
-    "VIEWS",
-    "VTK_PACKAGE",
-    "Camera",
-    "Renderer",
-    "frame_view",
-    "paint_mesh",
-    "picture_renderer",
-    "render_surface",
-]
-
 Renderer = Literal["vtk", "matplotlib"]
 
 #: The one Debian package that lets VTK draw without a display (Mesa's software rasteriser).

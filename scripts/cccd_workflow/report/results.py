@@ -14,8 +14,6 @@ from cccd_workflow.report.registry import Comparison, Item
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["Results", "StructureFiles"]
-
 Found = TypeVar("Found")
 
 

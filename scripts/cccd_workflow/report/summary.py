@@ -13,16 +13,6 @@ from cccd.store import read_json, read_table
 from cccd_workflow.report.measures import MEASURES
 from cccd_workflow.report.registry import Item, comparisons, items
 
-__all__ = [
-    "Cohort",
-    "benchmark_table",
-    "build_tables",
-    "distances",
-    "read_cohort",
-    "structure_names",
-    "structures",
-]
-
 
 class Cohort:
     """The rows that the comparisons left for every structure, and everything measured on each.
