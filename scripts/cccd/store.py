@@ -31,13 +31,10 @@ if TYPE_CHECKING:  # loaded where they are read: each job has a process of its o
     import pandas as pd
 
     from cccd.bands import Band
-    from cccd.geometry.conforming import ConformingSurface
     from cccd.geometry.subdivision import ControlMesh
 
 _T = TypeVar("_T")
 
-#: Arrays of organs that share their walls.
-_CONFORMING = ("vertices", "triangles", "regions")
 #: How near in mm vertices are that were kept as single floats.
 _SAME_VERTEX_MM = 1e-3
 
@@ -157,10 +154,11 @@ def write_fields(group: h5py.Group, value: object) -> None:
     What is None is left out; what has parts of any type, or of text, is JSON; the frame is the file's.
     """
     for name, kind in get_type_hints(type(value)).items():
-        _write_value(group, name, getattr(value, name), kind)
+        write_value(group, name, getattr(value, name), kind)
 
 
-def _write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+def write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+    """Write one field: see `write_fields`."""
     if isinstance(value, Frame):
         _put_frame(cast(Any, group).file, value)
     elif isinstance(value, np.ndarray):
@@ -173,7 +171,7 @@ def _write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
         within = group.create_group(name)
         parts = cast(Any, value.items() if isinstance(value, dict) else enumerate(cast(Any, value)))
         for key, part in parts:
-            _write_value(within, str(key), part, None)
+            write_value(within, str(key), part, None)
     elif value is not None:
         group.attrs[name] = value
 
@@ -471,21 +469,3 @@ def read_surface_frame(path: str | Path) -> Frame:
     """Read the grid of the source volume that a surface was lofted in."""
     with open_file(path) as file:
         return _get_frame(file)
-
-
-def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
-    """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
-    with new_file(path) as file:
-        for name in _CONFORMING:
-            _put(file, name, getattr(surface, name))
-        _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
-        _put_json(file, "report", report)
-
-
-def read_conforming(path: str | Path) -> ConformingSurface:
-    """Read the surfaces of a case's organs that share their walls."""
-    from cccd.geometry.conforming import ConformingSurface
-
-    with open_file(path) as file:
-        names = {int(label): name for label, name in _get_json(file, "names").items()}
-        return ConformingSurface(*(_get(file, name) for name in _CONFORMING), names=names)

@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 17210,
+    "scripts/cccd": 17039,
     "scripts/cccd_calibration": 698,
     "scripts/cccd_datasets": 1740,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3873,
-    "scripts/cccd_labels": 2708,
+    "scripts/cccd_labels": 2882,
     "scripts/cccd_meshes": 587,
     "scripts/cccd_networks": 290,
     "scripts/cccd_paper": 9245,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 771,
     "scripts/cccd_workflow": 5786,
     "bench": 4642,
-    "tests": 24130,
+    "tests": 24129,
 }
 
 
