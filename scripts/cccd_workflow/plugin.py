@@ -9,6 +9,9 @@ COMMANDS = {
     "report": Command(
         "build the report of all finished structures again", "cccd_workflow.commands.add_report"
     ),
+    "export": Command(
+        "write a finished structure of the workflow in another format", "cccd_workflow.commands.add_export"
+    ),
     "check": Command("report what an input contains, and draw it", "cccd_workflow.check.add_check"),
     "doctor": Command("report what is installed and works", "cccd_workflow.doctor.add_doctor"),
 }
