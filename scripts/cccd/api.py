@@ -217,11 +217,9 @@ class Surface:
         >>> bool(low < ball.volume < high)
         True
         """
-        from cccd.bands.samples import draw_meshes
-
         if self.lofted.band is None:
             raise InputError(self.name, "the surface has no error band", "make it from a mask or contours")
-        meshes = draw_meshes(self.lofted.mesh, self.lofted.band, count, seed)
+        meshes = find(table("OPTIONS")["draw_meshes"])(self.lofted.mesh, self.lofted.band, count, seed)
         return [
             replace(
                 self, lofted=replace(self.lofted, bodies=[], mesh=mesh, band=None), name=f"{self.name}_{n}"
@@ -232,10 +230,10 @@ class Surface:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Intervals of the spline's volume (ml), area (mm^2) and largest diameter (mm), if it has a band."""
-        from cccd.bands.samples import intervals
-
         whole = self.lofted.whole or self.lofted
-        return intervals(whole.mesh, whole.band) if self.lofted.band and whole.band else {}
+        if not (self.lofted.band and whole.band):
+            return {}
+        return find(table("OPTIONS")["intervals"])(whole.mesh, whole.band)
 
     @property
     def size(self) -> tuple[float, float, float]:

@@ -8,8 +8,8 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16855,
-    "scripts/cccd_calibration": 698,
+    "scripts/cccd": 16758,
+    "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1740,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
@@ -25,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3607,
     "scripts/cccd_vessels": 1881,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_workflow": 5962,
+    "scripts/cccd_workflow": 5963,
     "bench": 4642,
     "tests": 24129,
 }

@@ -31,7 +31,7 @@ class Band:
     length_mm : float
         Over which errors are correlated along the surface.
     area_low, area_high, diameter_low, diameter_high : float
-        By what the band's mean width is multiplied for the ends of these intervals, see `samples.intervals`.
+        By what the band's mean width is multiplied for the ends of these intervals.
     """
 
     inner: FloatArray

@@ -12,7 +12,6 @@ import cccd
 from cccd.bands import Band, Calibration, estimate_band
 from cccd.bands.calibration import SHIPPED, SHIPPED_SHA256
 from cccd.bands.readers import Reader
-from cccd.bands.samples import draw_meshes
 from cccd.bands.signs import SIGNS, Slices, signs_of
 from cccd.cli import main
 from cccd.errors import InputError
@@ -25,6 +24,7 @@ from cccd.surface.between import DISTANCES, Between, distance_table, least_dista
 from cccd.surface.loft import FACTOR
 from cccd.surface.surface import read_surface
 from cccd_calibration.readers import Pair, calibrate_readers
+from cccd_calibration.samples import draw_meshes
 
 
 def body(axes, spacing):
