@@ -8,9 +8,9 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16758,
+    "scripts/cccd": 16693,
     "scripts/cccd_calibration": 795,
-    "scripts/cccd_datasets": 1740,
+    "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3873,

@@ -125,7 +125,7 @@ class Plan:
     @property
     def readers(self) -> list[str]:
         """Functions of other packages that read or make what a row names, or find an organ in it."""
-        made = (*table("SOURCES").values(), *table("MASKS").values())
+        made = (path for name in ("SOURCES", "LAYOUTS", "MASKS") for path in table(name).values())
         return [*(reader.read for reader in table("READERS").values()), *made]
 
     # Structures and cases.
