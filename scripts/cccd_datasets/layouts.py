@@ -34,7 +34,7 @@ def complete_lits(request: Request, image: Path) -> Request:
 
 
 def complete_upenn(request: Request, image: Path) -> Request:
-    """UPENN-GBM: ``images_segm/ID_segm.nii.gz`` next to ``images_structural/ID/``; the brain is what stripping left."""
+    """UPENN-GBM: ``images_segm/ID_segm.nii.gz`` next to ``images_structural/ID/``; skull-stripped."""
     if request.mask is not None or request.organ.lower() == "brain":
         return request
     if request.organ.lower() not in TUMOUR:
