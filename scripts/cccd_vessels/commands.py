@@ -15,8 +15,8 @@ import cccd
 from cccd.commands.outputs import check_files, plain_stem
 from cccd.console import clock, millilitres
 from cccd.errors import InputError
-from cccd.files.read_meshes import is_mesh
 from cccd_meshes.closed_meshes import read_closed_mesh
+from cccd_meshes.read_meshes import is_mesh
 from cccd_vessels.centrelines import find_centrelines
 from cccd_vessels.ends import clear_ends, find_ends, opened
 from cccd_vessels.files import check_suffix, describe, write_centrelines

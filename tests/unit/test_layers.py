@@ -22,7 +22,7 @@ PACKAGES = {
     "cccd_junctions": "networks",
     "cccd_dicom": "",
     "cccd_formats": "",
-    "cccd_viewers": "",
+    "cccd_viewers": "meshes",
     "cccd_meshes": "dicom",
     "cccd_solids": "",
     "cccd_tetrahedra": "",

@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16632,
+    "scripts/cccd": 16392,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3873,
     "scripts/cccd_labels": 2953,
-    "scripts/cccd_meshes": 587,
+    "scripts/cccd_meshes": 841,
     "scripts/cccd_networks": 290,
     "scripts/cccd_paper": 9245,
     "scripts/cccd_segmentation": 1678,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 771,
     "scripts/cccd_workflow": 5963,
     "bench": 4642,
-    "tests": 24129,
+    "tests": 24130,
 }
 
 

@@ -12,11 +12,11 @@ from support.solids import egg, mesh_of
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 from cccd_meshes import closed_meshes
 from cccd_meshes.closed_meshes import mend
+from cccd_meshes.read_meshes import read_mesh
 
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)
