@@ -8,12 +8,12 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16392,
+    "scripts/cccd": 16335,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
-    "scripts/cccd_junctions": 3873,
+    "scripts/cccd_junctions": 3945,
     "scripts/cccd_labels": 2953,
     "scripts/cccd_meshes": 841,
     "scripts/cccd_networks": 290,
