@@ -3,7 +3,6 @@
 import logging
 from pathlib import Path
 
-from cccd.contours import doubtful_slices
 from cccd.store import (
     read_boundaries,
     read_curves,
@@ -16,7 +15,7 @@ from cccd.store import (
 from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
 from cccd_viewers.page_files import write_view
-from cccd_workflow.curve_measures import measure_curves
+from cccd_workflow.curve_measures import doubtful_slices, measure_curves
 from cccd_workflow.job import job
 from cccd_workflow.report.render import render_surface
 from cccd_workflow.report.structure_view import build_structure_page

@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import sys
 import threading
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 
 #: Share of the jobs after which the time left is worth saying.
 FORESEEN = 0.1
-#: Organs that a warning of several names.
-NAMED = 4
 
 
 def print_error(line: str, code: int = 1) -> int:
@@ -46,25 +43,6 @@ def duration(seconds: float) -> str:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
-
-
-def joined_warnings(warnings: Mapping[str, Sequence[str]], of: str = "organs") -> list[str]:
-    """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
-
-    >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["1 hole", "open"]})
-    ['2 holes: 3 organs (liver, aorta, heart; numbers of the first)', 'open: heart']
-    """
-    kinds: dict[str, list[tuple[str, str]]] = {}
-    for organ, line in ((organ, line) for organ, lines in warnings.items() for line in lines):
-        kind = re.sub(r"[\d.,-]+|(ies|[ys]|is|are)\b| in total", "", line)  # singular and plural are one
-        kinds.setdefault(kind, []).append((organ, line))
-    joined: list[str] = []
-    for found in sorted(kinds.values(), key=len, reverse=True):
-        organs = list(dict.fromkeys(organ for organ, _ in found))
-        names = ", ".join(organs[:NAMED]) + (", ..." if len(organs) > NAMED else "")
-        names += "; numbers of the first" * (len(organs) > 1 and len({line for _, line in found}) > 1)
-        joined.append(f"{found[0][1]}: " + (f"{len(organs)} {of} ({names})" if len(organs) > 1 else names))
-    return joined
 
 
 def millilitres(volume: float) -> str:

@@ -17,5 +17,4 @@ WRITERS = {
 
 COMMANDS = {
     "surface": Command("make a surface of one organ, or of every label", "cccd.commands.surface.add_surface"),
-    "next": Command("name the slice to annotate next", "cccd.commands.next_slice.add_next"),
 }

@@ -1,7 +1,8 @@
-"""What a person sees while a label map runs."""
+"""What a person sees while a label map runs, and of its organs."""
 
 from __future__ import annotations
 
+import re
 import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -9,6 +10,8 @@ from typing import TextIO
 
 from cccd.console import FORESEEN, duration, millilitres
 
+#: Organs that a warning of several names.
+NAMED = 4
 #: Seconds between the lines.
 LINES_APART = 20.0
 
@@ -25,6 +28,25 @@ def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:
     lines = [f"{'organ':<{width}} {'volume':>9} {'triangles':>10} {'warnings':>9}"]
     lines += [f"{name:<{width}} {millilitres(ml):>9} {count:>10} {said:>9}" for name, ml, count, said in rows]
     return "\n".join(lines)
+
+
+def joined_warnings(warnings: Mapping[str, Sequence[str]], of: str = "organs") -> list[str]:
+    """Join warnings of organs that differ in numbers alone: one line for each kind, the commonest first.
+
+    >>> joined_warnings({"liver": ["2 holes"], "aorta": ["2 holes"], "heart": ["1 hole", "open"]})
+    ['2 holes: 3 organs (liver, aorta, heart; numbers of the first)', 'open: heart']
+    """
+    kinds: dict[str, list[tuple[str, str]]] = {}
+    for organ, line in ((organ, line) for organ, lines in warnings.items() for line in lines):
+        kind = re.sub(r"[\d.,-]+|(ies|[ys]|is|are)\b| in total", "", line)  # singular and plural are one
+        kinds.setdefault(kind, []).append((organ, line))
+    joined: list[str] = []
+    for found in sorted(kinds.values(), key=len, reverse=True):
+        organs = list(dict.fromkeys(organ for organ, _ in found))
+        names = ", ".join(organs[:NAMED]) + (", ..." if len(organs) > NAMED else "")
+        names += "; numbers of the first" * (len(organs) > 1 and len({line for _, line in found}) > 1)
+        joined.append(f"{found[0][1]}: " + (f"{len(organs)} {of} ({names})" if len(organs) > 1 else names))
+    return joined
 
 
 class OrganLines:

@@ -17,7 +17,6 @@ from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.booleans import united
-from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
@@ -26,6 +25,7 @@ from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
 from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
+from cccd_meshes.distance_grid import grid_to_mesh
 from cccd_meshes.read_meshes import read_mesh
 
 #: Vertices this near to each other, as a share of the mesh's diagonal, are one: float32 rounds coarser.

@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from cccd.console import joined_warnings
 from cccd.store import write_json
+from cccd_labels.progress import joined_warnings
 from cccd_shapes import FEWEST, files
 from cccd_shapes.cohort import Cohort, aligned
 from cccd_shapes.series import fit_series

@@ -1,4 +1,4 @@
-"""The commands ``cccd compare``, ``run``, ``report`` and ``export``."""
+"""The commands ``cccd compare``, ``run``, ``report``, ``export`` and ``next``."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from cccd.commands.arguments import add_band
+from cccd.commands.arguments import add_band, add_input, read_given
 from cccd.commands.outputs import check_files
 from cccd.errors import InputError
 from cccd.store import check_writable
@@ -94,6 +94,12 @@ def add_report(command: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="HTML", help="the page; default: report.html in that folder"
     )
     command.set_defaults(run=_report)
+
+
+def add_next(command: argparse.ArgumentParser) -> None:
+    """Name the slice in the middle of the widest gap of a partly annotated mask."""
+    add_input(command)
+    command.set_defaults(run=_next)
 
 
 def _compare(given: argparse.Namespace) -> int:
@@ -194,4 +200,22 @@ def _export(given: argparse.Namespace) -> int:
         for file, one in {path: surface, **moved}.items():
             write_surface(file, one, ExportOptions(folder.resolve().name, drawn=drawn))
             print(file)
+    return 0
+
+
+def _next(given: argparse.Namespace) -> int:
+    from cccd.settings.root import Settings
+
+    structure = read_given(given, Settings())
+    gaps = [] if structure.annotation is None else structure.annotation.gaps
+    if not gaps:
+        problem = "no slice is left to draw between those that are annotated"
+        raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
+    axis = structure.frame.slice_axis
+    if given.json:
+        slices = [{"slice": number, "gap": gap} for number, gap in gaps]
+        print(json.dumps({"input": str(given.input), "axis": axis, "slices": slices}, indent=2))
+        return 0
+    number, gap = gaps[0]
+    print(f"annotate slice {number} next (axis {axis}, counted from 0), in the middle of {gap} that are not")
     return 0

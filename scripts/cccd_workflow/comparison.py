@@ -16,13 +16,14 @@ import numpy as np
 from cccd.api import Surface, read
 from cccd.errors import InputError, choices
 from cccd.geometry.arrays import BoolArray, FloatArray
+from cccd.geometry.booleans import shared_volume
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
-from cccd.metrics import Gaps, dice, normal_angles, solid_dice
+from cccd.metrics import Gaps, dice, normal_angles
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import measure_labels
 from cccd_meshes.closed_meshes import mend
@@ -365,3 +366,9 @@ def missed_limits(found: Comparison, limits: Mapping[str, float]) -> list[str]:
                 is_ = f"no {known.name}, limit" if value is None else f"{known.name} {value:.4g} is {side}"
                 missed.append(f"{row.caption}: {is_} {limit:g}")
     return missed
+
+
+def solid_dice(first: Mesh, second: Mesh) -> float | None:
+    """Dice of what two closed meshes enclose, exact; None where one of them bounds no solid."""
+    shared = shared_volume(first, second)
+    return None if shared is None else min(1.0, 2 * shared / (first.volume + second.volume))

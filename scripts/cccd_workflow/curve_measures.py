@@ -1,6 +1,9 @@
-"""What closed splines are worth: agreement with the boundary, points and bytes spent on it."""
+"""What closed splines are worth (agreement, points and bytes), and which slices are doubtful."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import cv2
 import numpy as np
@@ -135,3 +138,28 @@ def window_of(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
     first, last = int(curves.slice.min()), int(curves.slice.max())
     rows, columns = (int(n) for n in high - low)
     return np.array([first, *low]), (last - first + 1, rows, columns)
+
+
+def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
+    """Say, of what `cccd_junctions.ordering.order_boundaries` reports, which slices should be looked at.
+
+    Examples
+    --------
+    >>> found = {"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24, "unlisted_wrong": 0.1}
+    >>> print(*doubtful_slices(found))
+    check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong; of the \
+others at most 10 % on average)
+    >>> print(*doubtful_slices(found | {"doubtful": [3, 1, 0]}))
+    most slices are doubtful (3 of 4; about 1.2 are expected to be wrong): check each of them
+    """
+    doubtful = report.get("doubtful", [])
+    if not doubtful:
+        return []
+    whole = len(report["slices"])
+    wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
+    if len(doubtful) > whole / 2:  # such a list helps nobody to choose
+        return [f"most slices are doubtful ({len(doubtful)} of {whole}; {wrong}): check each of them"]
+    listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
+    if report["unlisted_wrong"] is not None:
+        wrong += f"; of the others at most {100 * report['unlisted_wrong']:.3g} % on average"
+    return [f"check these slices, the most doubtful first: {listed} ({len(doubtful)} of {whole}; {wrong})"]

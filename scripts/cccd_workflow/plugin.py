@@ -12,6 +12,7 @@ COMMANDS = {
     "export": Command(
         "write a finished structure of the workflow in another format", "cccd_workflow.commands.add_export"
     ),
+    "next": Command("name the slice to annotate next", "cccd_workflow.commands.add_next"),
     "check": Command("report what an input contains, and draw it", "cccd_workflow.check.add_check"),
     "doctor": Command("report what is installed and works", "cccd_workflow.doctor.add_doctor"),
 }

@@ -7,7 +7,6 @@ from test_stacks import clear, disc
 
 from cccd import store
 from cccd.containers import Curves, FittedCurves, Splines
-from cccd.contours import doubtful_slices
 from cccd.geometry.opencv import border_pixels
 from cccd.settings.junctions import InferenceSettings
 from cccd_junctions.alternatives import FEATURES
@@ -22,6 +21,7 @@ from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, chance_of_error, doub
 from cccd_training.junctions.reranker import Example, fit_doubt
 from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
+from cccd_workflow.curve_measures import doubtful_slices
 
 
 def two_circles(gap, doubt):
