@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Grid, Sections, Splines, Structure
+from cccd.containers import Frame, Grid, Structure
 from cccd.errors import InputError
 
 if TYPE_CHECKING:  # loaded where they are read: each job has a process of its own
@@ -290,94 +290,10 @@ def read_structure(path: str | Path) -> Structure:
         return read_fields(file, Structure)
 
 
-def read_sections(contours: str | Path, structure: str | Path) -> Sections:
-    """Read what a surface is lofted from: ``contours.h5``, and what ``structure.h5`` knows of its slices."""
-    return read_structure(structure).sections(read_curves(contours))
-
-
 def read_drawn(path: str | Path) -> Structure | None:
     """Read ``structure.h5`` where only some slices were drawn; None where all are known."""
     with open_file(path) as file:
         return read_fields(file, Structure) if "annotation" in file else None
-
-
-def read_compared(path: str | Path) -> Structure:
-    """Read ``structure.h5`` for comparisons: a mask that knows some slices only is none to compare with."""
-    structure = read_structure(path)
-    if structure.annotation is not None:
-        structure.mask = None
-    return structure
-
-
-def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:
-    """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
-    with open_file(path) as file:
-        return _get_frame(file), _get_json(file, "provenance"), _get_json(file, "warnings")
-
-
-# boundaries.h5 --------------------------------------------------------------------------------------
-
-
-def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
-    """Write ``boundaries.h5``."""
-    with new_file(path) as file:
-        write_fields(file.create_group("pixels"), boundaries)
-
-
-def read_boundaries(path: str | Path) -> Boundaries:
-    """Read ``boundaries.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["pixels"], Boundaries)
-
-
-# contours.h5 and curves.h5 --------------------------------------------------------------------------
-
-
-def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) -> None:
-    """Write ``contours.h5``: ordered closed curves, the same whichever way they came.
-
-    Parameters
-    ----------
-    path : path
-        Where.
-    curves : Curves
-        The ordered curves.
-    report : mapping
-        Plain JSON: ``method``, and what that way counted.
-    """
-    with new_file(path) as file:
-        _put_json(file, "report", report)
-        write_fields(file.create_group("ordered"), curves)
-
-
-def write_curves(path: str | Path, fitted: FittedCurves) -> None:
-    """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
-    with new_file(path) as file:
-        _put_json(file, "report", fitted.report)
-        write_fields(file.create_group("ordered"), fitted.curves)
-        _put(file, "chain_codes/codes", fitted.codes, np.uint8)
-        _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
-        _put(file, "corners/points", fitted.corners, np.float64)
-        _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
-        write_fields(file.create_group("splines"), fitted.splines)
-
-
-def read_curves(path: str | Path) -> Curves:
-    """Read the ordered curves of ``contours.h5`` or ``curves.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["ordered"], Curves)
-
-
-def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
-    with open_file(path) as file:
-        return _get(file, "corners/points"), _get(file, "corners/offsets")
-
-
-def read_splines(path: str | Path) -> Splines:
-    """Read the closed splines of ``curves.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["splines"], Splines)
 
 
 # surface.h5 -----------------------------------------------------------------------------------------

@@ -32,16 +32,16 @@ UNREAD = (
 
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {
-    "structure": Input(("structure.h5",), "cccd.store.read_compared"),
-    "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
-    "contours": Input(("contours.h5",), "cccd.store.read_curves"),
-    "curves": Input(("curves.h5",), "cccd.store.read_curves"),
+    "structure": Input(("structure.h5",), "cccd_workflow.stage_files.read_compared"),
+    "boundaries": Input(("boundaries.h5",), "cccd_workflow.stage_files.read_boundaries"),
+    "contours": Input(("contours.h5",), "cccd_workflow.stage_files.read_curves"),
+    "curves": Input(("curves.h5",), "cccd_workflow.stage_files.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd_junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
         ("gnn/model.pt",), "cccd_paper.comparisons.orderers.load_orderers", shared=True, optional=True
     ),
-    "splines": Input(("curves.h5",), "cccd.store.read_splines"),
+    "splines": Input(("curves.h5",), "cccd_workflow.stage_files.read_splines"),
     "paper_orderer": Input(
         ("workflow/models/paper.pt",), "cccd_paper.comparisons.algorithm_1.load_paper_orderer", project=True
     ),

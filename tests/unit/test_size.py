@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16210,
+    "scripts/cccd": 16126,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1657,
@@ -25,9 +25,9 @@ MOST_LINES = {
     "scripts/cccd_training": 3607,
     "scripts/cccd_vessels": 1881,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_workflow": 6023,
+    "scripts/cccd_workflow": 6117,
     "bench": 4642,
-    "tests": 24130,
+    "tests": 24139,
 }
 
 
