@@ -16,13 +16,13 @@ from cccd.containers import Frame, Structure
 from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
 from cccd.geometry.arrays import IntArray
-from cccd.geometry.booleans import united
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
 from cccd.plugins import find, table
 from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
+from cccd_meshes.booleans import united
 from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
 from cccd_meshes.distance_grid import grid_to_mesh

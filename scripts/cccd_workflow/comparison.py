@@ -16,7 +16,6 @@ import numpy as np
 from cccd.api import Surface, read
 from cccd.errors import InputError, choices
 from cccd.geometry.arrays import BoolArray, FloatArray
-from cccd.geometry.booleans import shared_volume
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -26,6 +25,7 @@ from cccd.inputs.load import existing
 from cccd.metrics import Gaps, dice, normal_angles
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import measure_labels
+from cccd_meshes.booleans import shared_volume
 from cccd_meshes.closed_meshes import mend
 from cccd_meshes.read_meshes import is_mesh, read_mesh
 from cccd_workflow.limits import LIMITS, TOLERANCE_MM

@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16126,
+    "scripts/cccd": 16095,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1657,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3945,
     "scripts/cccd_labels": 2975,
-    "scripts/cccd_meshes": 888,
+    "scripts/cccd_meshes": 929,
     "scripts/cccd_networks": 290,
     "scripts/cccd_paper": 9245,
     "scripts/cccd_segmentation": 1678,
