@@ -8,10 +8,10 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16095,
+    "scripts/cccd": 16051,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
-    "scripts/cccd_dicom": 1657,
+    "scripts/cccd_dicom": 1707,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3945,
     "scripts/cccd_labels": 2975,
@@ -25,9 +25,9 @@ MOST_LINES = {
     "scripts/cccd_training": 3607,
     "scripts/cccd_vessels": 1881,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_workflow": 6117,
+    "scripts/cccd_workflow": 6126,
     "bench": 4642,
-    "tests": 24139,
+    "tests": 24141,
 }
 
 

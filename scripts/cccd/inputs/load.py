@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
-from cccd.dicom_objects import dicom_modality, object_in, referenced_series
+from cccd.dicom_objects import dicom_modality, is_object, object_in
 from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -197,8 +197,8 @@ def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> 
     referenced = ""
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
-        if "image" in paths and paths["image"].is_dir() and paths["mask"].is_file():
-            referenced = referenced_series(paths["mask"])
+        if "image" in paths and paths["image"].is_dir() and is_object(paths["mask"]):
+            referenced = find(table("READERS")["reference"].read)(paths["mask"])
     image = None
     if "image" in paths:
         image = files.read(read_image, paths["image"], request.source, settings.fill_gaps, referenced)
