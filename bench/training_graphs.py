@@ -26,10 +26,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd_junctions.checkpoint import load_model, read_model, save_model
 from cccd_junctions.network import JunctionNetwork
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.junction_comparison import by_true_labels
 from cccd_training.junctions.families import FAMILIES
 from cccd_training.junctions.frozen_graphs import generate_graphs

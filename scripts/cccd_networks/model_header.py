@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
-from cccd.settings.junctions import NetworkSettings
+from cccd_networks.settings import NetworkSettings
 
 #: Names of networks in words.
 NAMES = {"ours": "our network", "paper": "the paper's network"}

@@ -32,7 +32,7 @@ PACKAGES = {
     "cccd_workflow": "labels meshes networks segmentation tetrahedra viewers",
     "cccd_calibration": "workflow",
     "cccd_training": "calibration datasets junctions meshes networks segmentation",
-    "cccd_paper": "datasets junctions segmentation training viewers workflow",
+    "cccd_paper": "datasets junctions networks segmentation training viewers workflow",
 }
 
 #: Jobs of the evidence and of the training; all others know the product alone.

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 16051,
+    "scripts/cccd": 15891,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1707,
@@ -16,7 +16,7 @@ MOST_LINES = {
     "scripts/cccd_junctions": 3945,
     "scripts/cccd_labels": 2975,
     "scripts/cccd_meshes": 929,
-    "scripts/cccd_networks": 290,
+    "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9245,
     "scripts/cccd_segmentation": 1678,
     "scripts/cccd_shapes": 1469,
@@ -25,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3607,
     "scripts/cccd_vessels": 1881,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_workflow": 6126,
+    "scripts/cccd_workflow": 6128,
     "bench": 4642,
     "tests": 24141,
 }

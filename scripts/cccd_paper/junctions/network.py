@@ -1,7 +1,7 @@
 """The paper's network: eq. (11) in Spektral's `GeneralGNN`, and link prediction (section 4.2).
 
 The paper prints the convolution, the features, the labels and the dropout, and names Spektral. Sizes are
-chosen in `cccd.settings.junctions`. How a link's value comes from its two nodes is not printed: here the last
+chosen in `cccd_networks.settings`. How a link's value comes from its two nodes is not printed: here the last
 MLP reads their sum and the size of their difference, which are the same in both directions.
 """
 
