@@ -7,9 +7,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
-#: Share of the jobs after which the time left is worth saying.
-FORESEEN = 0.1
-
 
 def print_error(line: str, code: int = 1) -> int:
     """Say in one line what is wrong; give the exit code."""
@@ -31,18 +28,6 @@ def clock(text: str) -> Iterator[None]:
         finally:
             ended.set()
             ticking.join()
-
-
-def duration(seconds: float) -> str:
-    """Say how long, in the largest unit that fits.
-
-    >>> duration(7.4), duration(100), duration(7000)
-    ('7 s', '2 min', '1 h 57 min')
-    """
-    if seconds < 60:
-        return f"{seconds:.0f} s"
-    minutes = round(seconds / 60)
-    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def millilitres(volume: float) -> str:

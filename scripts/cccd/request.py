@@ -11,9 +11,6 @@ from pathlib import Path
 
 from cccd.plugins import find, table
 
-#: Sources of an image alone, in which the organ is found; the mask that they bring is ground truth only.
-IMAGES_ALONE = ("mni152_scan", "mni152_head", "phantom_scan")
-
 
 @dataclass(frozen=True)
 class Request:

@@ -16,8 +16,8 @@ from cccd.containers import Curves, Frame
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.inputs.grid import Volume, even_grid
-from cccd.tolerances import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION
+from cccd.inputs.grid import Volume
+from cccd_dicom.slices import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION, even_grid
 
 #: Contours run along pixels when this share of their steps are along an axis and whole numbers of pixels, or
 #: cut corners at 45 degrees, each to this share of a pixel, and at least so many are along an axis.

@@ -8,12 +8,26 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from typing import TextIO
 
-from cccd.console import FORESEEN, duration, millilitres
+from cccd.console import millilitres
 
+#: Share of the jobs after which the time left is worth saying.
+FORESEEN = 0.1
 #: Organs that a warning of several names.
 NAMED = 4
 #: Seconds between the lines.
 LINES_APART = 20.0
+
+
+def duration(seconds: float) -> str:
+    """Say how long, in the largest unit that fits.
+
+    >>> duration(7.4), duration(100), duration(7000)
+    ('7 s', '2 min', '1 h 57 min')
+    """
+    if seconds < 60:
+        return f"{seconds:.0f} s"
+    minutes = round(seconds / 60)
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
 def organ_table(rows: Sequence[tuple[str, float, int, int]]) -> str:

@@ -20,8 +20,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
 from cccd.plugins import find, table
-from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
+from cccd_dicom.slices import SLICE_DIRECTION
 from cccd_meshes.booleans import united
 from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl

@@ -12,7 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
-from cccd.console import FORESEEN, duration
+from cccd_labels.progress import FORESEEN, duration
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {

@@ -5,8 +5,7 @@ import logging
 
 import pytest
 
-from cccd.console import duration
-from cccd_labels.progress import OrganLines
+from cccd_labels.progress import OrganLines, duration
 from cccd_workflow.job_lines import REPLACED, JobLines, is_of_jobs
 
 

@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15891,
+    "scripts/cccd": 15824,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
-    "scripts/cccd_dicom": 1707,
+    "scripts/cccd_dicom": 1763,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3945,
-    "scripts/cccd_labels": 2975,
+    "scripts/cccd_labels": 2989,
     "scripts/cccd_meshes": 929,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9245,
@@ -25,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3607,
     "scripts/cccd_vessels": 1881,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_workflow": 6128,
+    "scripts/cccd_workflow": 6129,
     "bench": 4642,
     "tests": 24141,
 }

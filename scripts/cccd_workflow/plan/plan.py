@@ -14,11 +14,11 @@ from typing import Any, cast
 from cccd.errors import InputError
 from cccd.plugins import folders, table
 from cccd.project import PROJECT
-from cccd.request import IMAGES_ALONE
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 from cccd_segmentation.networks import networks
+from cccd_workflow.cohort import IMAGES_ALONE
 from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd_workflow.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd_workflow.plan.resources import digest, digest_files

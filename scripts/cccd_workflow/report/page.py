@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from cccd.console import duration
 from cccd.geometry.mesh import Mesh
 from cccd.plugins import find
+from cccd_labels.progress import duration
 from cccd_viewers.page_files import View
 from cccd_viewers.viewer import case_figure, packed, surface_figure
 from cccd_workflow.report.html_tables import Table, table
