@@ -51,9 +51,6 @@ FACTORS = (0.5, 1, 2)
 Figures = dict[str, float]
 
 
-# What is measured ---------------------------------------------------------------------------------------
-
-
 @cache
 def phantoms() -> list[Curves]:
     """Traced outlines of the phantoms' masks."""
@@ -83,9 +80,6 @@ def curve_figures(settings: Settings) -> Figures:
 def means(rows: list[Figures]) -> Figures:
     """Geometric means over the phantoms, so that each counts alike."""
     return {name: float(np.exp(np.mean([np.log(row[name]) for row in rows]))) for name in rows[0]}
-
-
-# What is varied -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

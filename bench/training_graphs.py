@@ -93,9 +93,6 @@ def score(network: str, count: int) -> dict[str, float | int | str]:
     return {"network": network, "training_graphs": count, "epochs": epochs, **trained_scores(settings)}
 
 
-# Families ---------------------------------------------------------------------------------------------
-
-
 def family_maps(family: str, count: int, stream: RandomStream) -> list[SyntheticMap]:
     """Draw maps of one family by the default seed; of `DAMAGE` as often of each kind as training does."""
     numbers = [Settings().seed, stream, 100 + ALL.index(family)]

@@ -25,9 +25,6 @@ _CODE_OF_STEP = np.full((3, 3), 255, np.uint8)
 _CODE_OF_STEP[DIRECTIONS[:, 0] + 1, DIRECTIONS[:, 1] + 1] = np.arange(8)
 
 
-# Codes ------------------------------------------------------------------------------------------------
-
-
 def broken_links(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     """Points (P,) bool of closed curves whose successor is not one of their eight neighbours."""
     step = points[successors(offsets)] - points
@@ -64,9 +61,6 @@ def chain_codes(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
         raise ValueError(f"curve {curve} has a link that is not a step to a neighbouring pixel")
     step = (points[successors(offsets)] - points).astype(np.int64)
     return _CODE_OF_STEP[step[:, 0] + 1, step[:, 1] + 1]
-
-
-# What became of the pixels -------------------------------------------------------------------------------
 
 
 def changed_pixels(boundaries: Boundaries, curves: Curves) -> tuple[BoolArray, BoolArray]:

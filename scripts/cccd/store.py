@@ -275,9 +275,6 @@ def read_table(path: str | Path) -> pd.DataFrame | None:
     return None if frame.empty else frame
 
 
-# structure.h5 ---------------------------------------------------------------------------------------
-
-
 def write_structure(path: str | Path, structure: Structure) -> None:
     """Write ``structure.h5``."""
     with new_file(path) as file:
@@ -294,9 +291,6 @@ def read_drawn(path: str | Path) -> Structure | None:
     """Read ``structure.h5`` where only some slices were drawn; None where all are known."""
     with open_file(path) as file:
         return read_fields(file, Structure) if "annotation" in file else None
-
-
-# surface.h5 -----------------------------------------------------------------------------------------
 
 
 def write_control_meshes(

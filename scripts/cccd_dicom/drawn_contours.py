@@ -27,8 +27,6 @@ _CONTOUR_AREA = 1e-3
 #: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
 _SAME_POINT_VOXELS = 1e-6
 
-# the grid of the contours ---------------------------------------------------------------------------
-
 
 class _Planes(NamedTuple):
     """Parallel planes at multiples of a spacing, in world mm (RAS)."""
@@ -206,9 +204,6 @@ def _move_to_planes(affine: FloatArray, axis: int, shape: Sequence[int] | AnyArr
     affine[:3, 3] -= margin * affine[:3, axis]
     sizes[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 1 + 2 * margin
     return Frame(affine, axis, (sizes[0], sizes[1], sizes[2]))
-
-
-# the curves -----------------------------------------------------------------------------------------
 
 
 def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:

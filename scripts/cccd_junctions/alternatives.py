@@ -88,8 +88,6 @@ def _costs(graph: DelaunayGraph, energy: Energy[FloatArray], labels: BoolArray) 
     return labels @ energy.unary + (labels[:, first] != labels[:, second]) @ energy.pairwise
 
 
-# Description ------------------------------------------------------------------------------------------
-
 _LINK_SUMS = ("length", "gap", "long", "longer", "energy", "logit", "unseen")
 _TRIANGLE_SUMS = ("area", "width", "logit", "odd", "near", "wide", "wider")
 _SHAPE = ("parts", "holes", "area", "beside", "turn", "sharp", "bend", "seen")

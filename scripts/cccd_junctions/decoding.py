@@ -27,9 +27,6 @@ _SMALLEST_LOOP_SHARE = 0.005
 _TIP_PX = 1
 
 
-# Outlines ---------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class Outline:
     """What 8-neighbours of a boundary map enclose.
@@ -59,9 +56,6 @@ def find_outline(graph: DelaunayGraph) -> Outline:
     around = outline(masks)[0]
     left = np.count_nonzero(observed & ~around)
     return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= _TIP_PX))
-
-
-# Loops ------------------------------------------------------------------------------------------------
 
 
 def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[IntArray]:
@@ -118,9 +112,6 @@ def _following(
         if beyond < 0 or not inside[beyond]:
             return cell, turn
         cell = beyond
-
-
-# Masks and chains -------------------------------------------------------------------------------------
 
 
 def fill_loops(loops: Sequence[Sequence[IntArray]], origin: IntArray, shape: Sequence[int]) -> BoolArray:

@@ -33,9 +33,6 @@ _REGIONAL = (0, 2)
 _MARGIN_PX = 40
 
 
-# Columns ----------------------------------------------------------------------------------------------
-
-
 def _patch_parts(half: int, step: int) -> tuple[str, ...]:
     """Name the samples of a patch by their place from its centre, in pixels."""
     steps = range(-half * step, half * step + 1, step)
@@ -174,9 +171,6 @@ def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> 
     return GraphFeatures(_node_features(graph, places, intensity), links, triangles, branch, group)
 
 
-# Nodes ------------------------------------------------------------------------------------------------
-
-
 @jit
 def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray:
     # samples (N, (2 half + 1)^2) of a raster around places (N, 2), all within it
@@ -218,9 +212,6 @@ def _node_features(graph: DelaunayGraph, places: IntArray, intensity: IntensityS
     nodes = np.zeros((len(graph.points), NODES.width), np.uint8)
     nodes[inner] = NODES.assemble(columns, np.uint8)
     return nodes
-
-
-# Triangles --------------------------------------------------------------------------------------------
 
 
 def _triangle_shapes(graph: DelaunayGraph) -> dict[str, AnyArray]:
@@ -283,9 +274,6 @@ def _regional_intensities(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> 
         deviation = np.sqrt(np.maximum(square - mean**2, 0))
         columns[f"region_{_GAPS[g]}_equalised_spread"] = deviation[region]
     return columns
-
-
-# Links ------------------------------------------------------------------------------------------------
 
 
 def _steps(graph: DelaunayGraph) -> FloatArray:

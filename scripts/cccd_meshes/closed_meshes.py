@@ -261,9 +261,6 @@ def check_overlap(mesh: Mesh, scan: Volume, location: str) -> None:
     raise InputError(location, f"it lies outside {scan.location}", "check that both are in mm RAS")
 
 
-# A structure of contours ------------------------------------------------------------------------------
-
-
 def structure_of_mesh(mended: Mended, name: str) -> Structure:
     """Cut a closed mesh into contours, from which its smooth surface is lofted.
 

@@ -93,9 +93,6 @@ def read_mesh(path: str | Path) -> MeshFile:
     return found
 
 
-# One format each --------------------------------------------------------------------------------------
-
-
 def _polygons(path: Path) -> MeshFile:
     """Read PLY, STL or OBJ."""
     import trimesh
@@ -187,9 +184,6 @@ _READERS: dict[str, Callable[[Path], MeshFile]] = {
 
 #: Suffixes of every file that `read_mesh` reads.
 MESH_SUFFIXES = tuple(_READERS)
-
-
-# Vertices and faces -----------------------------------------------------------------------------------
 
 
 def _merged(vertices: Any, faces: Any) -> Mesh:

@@ -58,8 +58,6 @@ SECTIONS = {
     "experiments": ("Further comparisons", ""),
 }
 
-# The experiments on each structure ----------------------------------------------------------------------
-
 CORNERS = Comparison(
     "corners",
     "cccd_paper.comparisons.corner_comparison.compare_corners",
@@ -219,8 +217,6 @@ ALGORITHM_1 = Comparison(
     memory_mb=(3000, 40),
     of="structures",
 )
-
-# The items, in the page's order -------------------------------------------------------------------------
 
 _TABLES, _PLOTS = "cccd_paper.comparisons.paper_tables.", "cccd_paper.figures.items."
 

@@ -226,9 +226,6 @@ def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> lis
     return ["; ".join([p] * bool(p) + [s] * bool(f)) for p, s, f in zip(problems, said, far, strict=True)]
 
 
-# One file for each fit --------------------------------------------------------------------------------
-
-
 def _kept_fit(template: Template, before: Fit | None, subject: Subject, folder: Path) -> Fit:
     """Fit a template to a subject, or read the fit that was kept."""
     start = (before.spline.vertices, subject.tolerance) if before else ()

@@ -64,9 +64,6 @@ def require_kernel(path: str | Path) -> None:
     message.Message.DefaultMessenger_s().ChangePrinters().Clear()  # it would print statistics of every file
 
 
-# Shells -----------------------------------------------------------------------------------------------
-
-
 def facet_shell(mesh: Mesh) -> Any:
     """Make a closed ``TopoDS_Shell`` of a closed manifold: a plane per triangle, a line per edge."""
     from OCP import BRep, Geom, TopAbs, TopoDS, gp
@@ -260,9 +257,6 @@ def _bound(build: Any, edge: Any, first: Any, last: Any, end: float) -> None:
     build.Range(edge, 0.0, float(end))
 
 
-# Solids -----------------------------------------------------------------------------------------------
-
-
 def make_solid(shells: Sequence[Any]) -> Any:
     """Make one ``TopoDS_Solid`` of an outer shell and those of its cavities."""
     from OCP import BRep, TopoDS
@@ -307,9 +301,6 @@ def count_shapes(shape: Any, kind: Any) -> int:
         count += 1
         explorer.Next()
     return count
-
-
-# Files ------------------------------------------------------------------------------------------------
 
 
 def write_parts(path: Path, parts: Sequence[Part], form: str) -> None:

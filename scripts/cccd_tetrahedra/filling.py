@@ -312,9 +312,6 @@ def _least(inside: BoolArray, organs: Mapping[str, Mesh]) -> IntArray:
     return np.where(inside.any(axis=1), chosen, -1)
 
 
-# Boundaries -------------------------------------------------------------------------------------------
-
-
 def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, IntArray]:
     """Find faces (T, 2) where a region ends, and the region beyond (T,), or -1; between two, the first's."""
     corners = np.sort(tetrahedra[:, FACES].reshape(-1, 3), axis=1)

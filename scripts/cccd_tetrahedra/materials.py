@@ -57,9 +57,6 @@ class Row:
     young_power: float = 0.0
 
 
-# The table --------------------------------------------------------------------------------------------
-
-
 def read_table(path: str | Path) -> list[Row]:
     """Read a table of materials: CSV with the columns hu_from, hu_to, density, young_mpa and poisson.
 
@@ -135,9 +132,6 @@ def _row(line: Mapping[str, Any], location: str) -> Row:
     if not -1 < row.poisson < 0.5:
         raise InputError(location, f"poisson is {row.poisson:g}", "give a number above -1 and below 0.5")
     return row
-
-
-# From the scan to the elements -----------------------------------------------------------------------
 
 
 def mean_grey_values(corners: FloatArray, scan: Volume) -> FloatArray:

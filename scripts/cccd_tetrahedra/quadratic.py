@@ -194,9 +194,6 @@ def _sharp_edges(vertices: FloatArray, triangles: IntArray, sides: IntArray) -> 
     return sharp
 
 
-# The Jacobian -----------------------------------------------------------------------------------------
-
-
 def _powers() -> IntArray:
     """Exponents (20, 4) of the barycentric coordinates in cubic polynomials."""
     return np.array([p for p in np.ndindex(4, 4, 4, 4) if sum(p) == 3])

@@ -205,9 +205,6 @@ def find_centrelines(
     return Centrelines(found.branches, tuple(notes))
 
 
-# One round --------------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True, eq=False)
 class _Moved:
     """A line made smooth, and the sections across it."""
@@ -401,9 +398,6 @@ def _forks(moved: Sequence[_Moved], mesh: Mesh) -> dict[int, FloatArray]:
         away = float(np.linalg.norm(meeting - old))
         forks[node] = meeting if away <= _FORK_REACH * wide else old
     return forks
-
-
-# The tree ---------------------------------------------------------------------------------------------
 
 
 def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:

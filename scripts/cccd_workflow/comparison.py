@@ -182,9 +182,6 @@ def compare(
     return Comparison(names[0], names[1], tolerance_mm, rows, notes)
 
 
-# What is compared -------------------------------------------------------------------------------------
-
-
 def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Shape]:
     """Read every label of an input, or the one that is asked for."""
     if isinstance(given, Surface):
@@ -252,9 +249,6 @@ def _plain(shape: _Shape) -> str:
 
 def _listed(shapes: Sequence[_Shape]) -> str:
     return choices(shape.name or shape.label for shape in shapes)
-
-
-# What is measured -------------------------------------------------------------------------------------
 
 
 def _compared(first: _Shape | None, second: _Shape | None, tolerance: float, heat_map: bool) -> Compared:
@@ -343,9 +337,6 @@ def _on_block(shape: _Shape, affine: FloatArray, size: tuple[int, int, int]) -> 
         padded = replace(shape.voxels, data=np.pad(shape.voxels.data, 1), affine=ringed)
         moved = interpolate_on_grid(padded, affine, size, order=0)
     return np.asarray(moved.data, bool)
-
-
-# Limits -----------------------------------------------------------------------------------------------
 
 
 def missed_limits(found: Comparison, limits: Mapping[str, float]) -> list[str]:

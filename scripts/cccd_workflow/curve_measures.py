@@ -18,9 +18,6 @@ from cccd.metrics import dice
 _ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]
 
 
-# Agreement --------------------------------------------------------------------------------------------
-
-
 def area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]:
     """Dice scores (S,), and shares (S,) of area kept, of two sets of curves on each slice of the first.
 
@@ -50,9 +47,6 @@ def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.nda
     rings = curves.polygons.rings()
     shapely.prepare(rings)
     return shapely.distance(shapely.points(points), rings[owners_of(offsets)])
-
-
-# Bytes ------------------------------------------------------------------------------------------------
 
 
 def bytes_per_slice(curves: Curves, splines: Splines) -> dict[str, np.ndarray]:
@@ -87,9 +81,6 @@ def _png_bytes(curves: Curves, slices: np.ndarray) -> list[int]:
     rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
     filled = (rasterise(curves.polygons.take(curves.slice == k), (0, 0), (rows, columns)) for k in slices)
     return [len(cv2.imencode(".png", 255 * image.astype(np.uint8), _ONE_BIT)[1]) for image in filled]
-
-
-# Tables -----------------------------------------------------------------------------------------------
 
 
 def measure_curves(curves: Curves, splines: Splines) -> dict:

@@ -43,9 +43,6 @@ def local_extrema(values: np.ndarray, reach: np.ndarray, ring: Ring) -> np.ndarr
     return peak
 
 
-# The paper's detector ---------------------------------------------------------------------------------
-
-
 def k_cosine(
     points: np.ndarray, offsets: np.ndarray, largest: np.ndarray | int
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -110,9 +107,6 @@ def k_cosine_corners(points: np.ndarray, offsets: np.ndarray, k: int, criterion:
     cosine, support = k_cosine(points, offsets, k)
     values = cosine if criterion == "max" else -cosine
     return local_extrema(np.round(values, 12), support // 2, Ring(offsets))
-
-
-# Sharp corners of the shape itself --------------------------------------------------------------------
 
 
 def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:

@@ -187,9 +187,6 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
     return replace(structure, provenance=provenance, warnings=[*structure.warnings, *report["warnings"]])
 
 
-# one grid -------------------------------------------------------------------------------------------
-
-
 def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> Scan:
     """Read the files that a request names."""
     request = completed(request)
@@ -356,9 +353,6 @@ def scan_of(structure: Structure) -> Volume | None:
     return Volume(structure.image, structure.affine, f"the scan of {structure.organ}")
 
 
-# cropping -------------------------------------------------------------------------------------------
-
-
 def _extent_of_contours(contours: Curves, frame: Frame) -> tuple[IntArray, IntArray, int]:
     """First and last index (3,) of the organ in the frame, and the number of its slices."""
     axis, plane = frame.slice_axis, list(frame.in_plane_axes)
@@ -505,9 +499,6 @@ def _size_notes(frame: Frame, first: IntArray, last: IntArray, location: str) ->
     if longest >= SMALL_MM:
         return []
     return [f"the organ is {longest:.2g} mm long, its voxels {size} mm: are the header's units millimetres?"]
-
-
-# provenance -----------------------------------------------------------------------------------------
 
 
 @cache

@@ -160,9 +160,6 @@ def _decoded_curves(boundaries: Boundaries, name: str) -> Curves:
     return Curves(points, offsets, slices, np.zeros(len(found), bool), boundaries.frame)
 
 
-# The best threshold -------------------------------------------------------------------------------------
-
-
 def best_threshold(structure: Structure) -> BoolArray:
     """Find the mask (S, I, J) of the window of grey values that is nearest to a structure's own.
 
@@ -222,9 +219,6 @@ def _component(inside: BoolArray, opening_px: float, seeds: IntArray) -> BoolArr
     found = np.isin(labels, chosen)
     outside, _ = ndimage.label(np.pad(~found, 1, constant_values=True))
     return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
-
-
-# What was decided ---------------------------------------------------------------------------------------
 
 
 def map_links(pixels: np.ndarray, curves: Curves) -> dict[str, np.ndarray]:

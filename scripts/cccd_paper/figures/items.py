@@ -64,9 +64,6 @@ _ALGORITHM = (
 _RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
 
 
-# Figures of one slice -----------------------------------------------------------------------------------
-
-
 def _on_a_slice(
     results: Results, item: Item, looks: Looks = LOOKS, panel_inches: float = 2.1, key: str | None = None
 ) -> Plots:
@@ -173,9 +170,6 @@ def figure_12(results: Results, item: Item) -> Plots:
     coarse = sweep[sweep["k"] == COARSE_K]
     dice = {"DSC": f"Dice at k = {COARSE_K}"}
     return [*drawn, (plots.methods(item.key, coarse, "structure", dice, group="criterion"), caption)]
-
-
-# Plots of the rows --------------------------------------------------------------------------------------
 
 
 def _sweep(results: Results, item: Item) -> pd.DataFrame | None:

@@ -54,9 +54,6 @@ class Doubts(dict[str, tuple[FloatArray, BoolArray]]):
     """Doubts (M,) of a kind's slices and whether they are wrong (M,), by the kind's name."""
 
 
-# Which slices are listed ------------------------------------------------------------------------------
-
-
 def wrong_unlisted(doubt: FloatArray, wrong: BoolArray) -> FloatArray:
     """Return the share (L,) of wrong slices among those less doubtful than `LEVELS`.
 
@@ -80,9 +77,6 @@ def levels_of_shares(doubts: Mapping[str, tuple[FloatArray, BoolArray]]) -> dict
     right = np.array([1 - wrong_unlisted(*found)[::-1] for found in doubts.values()])
     found = {share: first_enough(right, 1 - share) for share in SHARES}
     return {share: float(LEVELS[::-1][first]) for share, first in found.items() if first is not None}
-
-
-# Maps -------------------------------------------------------------------------------------------------
 
 
 def _maps(kind: str, count: int, rng: np.random.Generator) -> Iterator[SyntheticMap]:
@@ -137,9 +131,6 @@ def _brain() -> tuple[AnyArray, AnyArray]:
     brain = row | {"case": "mni152", "organ": "brain", "source": "mni152"}
     structure = load_structure(brain, Path(), ImportSettings(), seed=0)
     return structure.required_stack("mask"), structure.required_stack("image")
-
-
-# Doubts -----------------------------------------------------------------------------------------------
 
 
 def measure_doubts(

@@ -56,9 +56,6 @@ def draw_mask(rng: np.random.Generator) -> ByteArray:
             return np.pad(mask, 12)
 
 
-# Fields -----------------------------------------------------------------------------------------------
-
-
 def _field(rng: np.random.Generator, radius: float) -> AnyArray:
     """Draw a field (I, J) that is positive in an organ of about a radius, and large enough around it."""
     half = int(1.75 * radius) + 14
@@ -122,9 +119,6 @@ def _cut_polygon(rng: np.random.Generator, y: AnyArray, x: AnyArray, radius: flo
         bite = np.hypot(x - far * radius * np.cos(angle), y - far * radius * np.sin(angle))
         field = np.minimum(field, bite - radius * rng.uniform(0.4, far - 0.25))
     return field
-
-
-# Masks ------------------------------------------------------------------------------------------------
 
 
 def _with_inlet(rng: np.random.Generator, mask: ByteArray, radius: float) -> ByteArray:

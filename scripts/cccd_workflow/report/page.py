@@ -263,9 +263,6 @@ def build_comparison_page(
     )
 
 
-# Tables and figures -------------------------------------------------------------------------------------
-
-
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:
     """Collect every section of items: anchor, title, introduction, and those items that were made."""
     made = [

@@ -89,9 +89,6 @@ def distances(cohort: Cohort) -> pd.DataFrame:
     return pd.concat(cohort.distances, ignore_index=True) if cohort.distances else pd.DataFrame()
 
 
-# Tables out of metrics.json -----------------------------------------------------------------------------
-
-
 def structures(cohort: Cohort) -> pd.DataFrame:
     """One row per structure; what it cannot have stays empty."""
     rows = [

@@ -170,9 +170,6 @@ def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
     assert "no slice is left to draw" in capsys.readouterr().err
 
 
-# calibration ------------------------------------------------------------------------------------------
-
-
 def sheet(folder, count, size=9):
     rows = []
     for number in range(count):

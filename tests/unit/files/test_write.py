@@ -67,9 +67,6 @@ def test_vtp_says_its_frame_and_has_curvature_and_the_body_at_its_vertices(surfa
     assert np.median(values["curvature"]) > 0
 
 
-# programs of others -----------------------------------------------------------------------------------
-
-
 def program(name, package):
     if shutil.which(name) is None:
         pytest.skip(f"{name} is not installed (Debian's {package})")

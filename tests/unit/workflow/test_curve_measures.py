@@ -56,9 +56,6 @@ def test_bytes_are_what_the_formats_need(curves_of, blob):
     assert np.all(sizes["spline_16_bit"] < sizes["spline"])
 
 
-# The stage ------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("method", ["auto", "corners"])
 def test_describing_curves_gives_all_parts(blob, method):
     curves = blob(2)[1]
