@@ -585,7 +585,6 @@ def fit_contours(
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
-    """Contours (n, 2) of one slice as `Curves`."""
     rings = [np.asarray(contour, float) for contour in contours]
     for number, ring in enumerate(rings):
         if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():

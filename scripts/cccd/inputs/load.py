@@ -188,7 +188,6 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
 
 
 def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> Scan:
-    """Read the files that a request names."""
     request = completed(request)
     paths = {name: existing(path, name) for name, path in request.files.items()}
     referenced = ""
@@ -416,7 +415,6 @@ def _on_coarser_grid(scan: Scan, location: str) -> Scan:
 
 
 def _crop(scan: Scan, request: Request) -> Structure:
-    """Crop a scan to its organ with a margin on every side."""
     scan = _on_coarser_grid(scan, request.location)
     frame, warnings = scan.frame, list(scan.warnings)
     axis = frame.slice_axis
@@ -503,7 +501,6 @@ def _size_notes(frame: Frame, first: IntArray, last: IntArray, location: str) ->
 
 @cache
 def _versions() -> dict[str, str]:
-    """Versions of the readers that are installed."""
     found: dict[str, str] = {}
     for name in _READERS:
         with contextlib.suppress(PackageNotFoundError):

@@ -324,7 +324,6 @@ def read_label_map(path: Path) -> LabelMap:
 
 
 def _is_nnunet(path: Path) -> bool:
-    """Whether a file's name is that of nnU-Net's probabilities."""
     return path.name.lower().endswith(".npz")
 
 
@@ -358,7 +357,6 @@ EACH_ITS_OWN = RowFiles()
 
 
 def _with_coarser_grid(mask: Volume) -> Volume:
-    """Note which grid a mask was copied from."""
     if mask.data.dtype != bool:
         return mask
     spacing = np.linalg.norm(mask.affine[:3, :3], axis=0)
