@@ -203,10 +203,7 @@ def test_a_view_comes_back(tmp_path, reference):
 
 
 @pytest.mark.parametrize("table", [pd.DataFrame(), pd.DataFrame(columns=["case", "organ"])])
-def test_a_table_without_rows_is_none(tmp_path, table):
-    write_table(tmp_path / "table.csv", table)
+def test_a_table_that_is_absent_or_without_rows_is_none(tmp_path, table):
     assert read_table(tmp_path / "table.csv") is None
-
-
-def test_an_absent_table_is_none(tmp_path):
+    write_table(tmp_path / "table.csv", table)
     assert read_table(tmp_path / "table.csv") is None

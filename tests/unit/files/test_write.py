@@ -219,11 +219,6 @@ def test_a_folder_is_refused_in_one_line(surface, tmp_path):
         write_surface(tmp_path / "organ.stl", surface)
 
 
-def test_an_unknown_format_names_the_known_ones(surface, tmp_path):
-    with pytest.raises(InputError, match=r"\.step"):
-        write_surface(tmp_path / "surface.unknown", surface)
-
-
 def test_a_failed_write_leaves_no_file(surface, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "OCP.Message", None)
     with pytest.raises(InputError, match="pip install"):
