@@ -18,12 +18,12 @@ from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
 
 from cccd.containers import Frame, Structure
-from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import mask_surface
+from cccd_labels.conforming import ConformingSurface
 from cccd_labels.shared_walls import share_walls
 
 #: Iterations, relaxation factors and constraint distances (in voxels) of VTK's smoothing.

@@ -22,16 +22,6 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd_paper.junctions.grid import keep_two
 from cccd_paper.junctions.network import link_data
 
-__all__ = [
-    "CornerGraph",
-    "corner_data",
-    "dense_matrices",
-    "draw_graph",
-    "draw_splits",
-    "is_right",
-    "number_corners",
-]
-
 # A ring of fewer corners encloses nothing.
 _FEWEST = 3
 

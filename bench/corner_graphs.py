@@ -31,10 +31,10 @@ from corner_graph_data import (
     number_corners,
 )
 
-from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.training import LinkTask
 from cccd_training.junctions.frozen_graphs import PAPER_GRAPHS
 from cccd_training.junctions.loop import train_task

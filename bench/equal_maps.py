@@ -20,9 +20,9 @@ import pandas as pd
 import paper_network
 from out_of_distribution import unseen_maps
 
-from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd_junctions.checkpoint import load_model
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.junction_comparison import (
     TEN,
     compare_decoders,

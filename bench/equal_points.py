@@ -21,8 +21,6 @@ from cccd_paper.comparisons.k_sweep import one_a_slice
 from cccd_paper.comparisons.parameters import LARGEST_SHARE
 from cccd_paper.comparisons.samples import SliceSample
 
-__all__ = ["CHAIN", "SHARES", "choose_for_shares", "measure_at_shares"]
-
 #: The shares of the pixels that are compared; the last is the paper's at k = 3.
 SHARES = (0.05, 0.1, 0.15, 0.2, 0.3, LARGEST_SHARE)
 

@@ -62,9 +62,6 @@ SLICES = 30
 _HALF = 90
 
 
-# Maps ---------------------------------------------------------------------------------------------------
-
-
 def single_maps(seed: int, kind: str, count: int, severity: float) -> list[SyntheticMap]:
     """Maps of one kind, each of another organ."""
     rng = np.random.default_rng([seed, 1, EVALUATED.index(kind)])

@@ -27,9 +27,9 @@ import pandas as pd
 import torch
 from torch_geometric.data import Batch
 
-from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd_junctions.checkpoint import load_model, save_model
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.junction_comparison import TEN, draw_test_maps
 from cccd_paper.junctions.grid import build_grid, keep_two
 from cccd_paper.junctions.network import PaperNetwork, grid_data

@@ -16,7 +16,7 @@ from pathlib import Path
 import pandas as pd
 from training_graphs import trained_scores
 
-from cccd.settings.junctions import NetworkSettings
+from cccd_networks.settings import NetworkSettings
 from cccd_training.junctions.tasks import OurTask
 
 MAPS, WIDTHS = (1000, 4000, 16000), (16, 32, 64)

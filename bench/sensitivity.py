@@ -25,12 +25,12 @@ from settings_pages import Key, keys
 
 from cccd.containers import Curves
 from cccd.curves.fitting import fit_splines
-from cccd.curves.measures import area_scores, distances
 from cccd.errors import InputError
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
+from cccd_workflow.curve_measures import area_scores, distances
 
 #: Phantoms and their voxel sizes in mm: large and small, branching, with a hole, with a cavity; and with
 #: slices that lie five and eight pixels apart, between which thin parts move by more than their width.
@@ -49,9 +49,6 @@ PHANTOMS = (
 FACTORS = (0.5, 1, 2)
 
 Figures = dict[str, float]
-
-
-# What is measured ---------------------------------------------------------------------------------------
 
 
 @cache
@@ -83,9 +80,6 @@ def curve_figures(settings: Settings) -> Figures:
 def means(rows: list[Figures]) -> Figures:
     """Geometric means over the phantoms, so that each counts alike."""
     return {name: float(np.exp(np.mean([np.log(row[name]) for row in rows]))) for name in rows[0]}
-
-
-# What is varied -----------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)

@@ -83,9 +83,6 @@ def thinned(stack: np.ndarray, gap: int) -> tuple[np.ndarray, np.ndarray]:
     return thin, kept
 
 
-# three ways -------------------------------------------------------------------------------------------
-
-
 def ours(thin: np.ndarray, kept: np.ndarray, structure: Structure) -> np.ndarray:
     """The label map of ``cccd surface --annotated nonempty``."""
     frame = structure.frame
@@ -120,9 +117,6 @@ def morphological(stacks: list[np.ndarray]) -> list[np.ndarray | None]:
             [sys.executable, interpolate_contours.__file__, *names], capture_output=True, check=False
         )
         return [np.load(filled) > 0 if filled.exists() else None for _, filled in files]
-
-
-# scores -----------------------------------------------------------------------------------------------
 
 
 def score(filled: np.ndarray, truth: np.ndarray, kept: np.ndarray, spacing: np.ndarray) -> dict[str, float]:

@@ -28,8 +28,6 @@ from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.synthetic_maps import draw_map
 
-__all__ = ["STAGES"]
-
 MODEL = Path(__file__).parents[1] / "workflow" / "models" / "junctions.pt"
 
 Methods = dict[str, Callable[[], object]]

@@ -26,10 +26,10 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from cccd.settings.junctions import NetworkSettings
 from cccd.settings.root import Settings
 from cccd_junctions.checkpoint import load_model, read_model, save_model
 from cccd_junctions.network import JunctionNetwork
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.junction_comparison import by_true_labels
 from cccd_training.junctions.families import FAMILIES
 from cccd_training.junctions.frozen_graphs import generate_graphs
@@ -43,8 +43,6 @@ from cccd_training.junctions.synthetic_maps import (
     draw_map,
 )
 from cccd_training.junctions.tasks import make_task
-
-__all__ = ["trained_scores"]
 
 COUNTS = (25, 70, 200)
 #: Epochs over the largest number of graphs, and graphs per step of our network.
@@ -93,9 +91,6 @@ def score(network: str, count: int) -> dict[str, float | int | str]:
         }
     )
     return {"network": network, "training_graphs": count, "epochs": epochs, **trained_scores(settings)}
-
-
-# Families ---------------------------------------------------------------------------------------------
 
 
 def family_maps(family: str, count: int, stream: RandomStream) -> list[SyntheticMap]:

@@ -26,18 +26,6 @@ from cccd_datasets.implicit_solids import (
 )
 from cccd_datasets.phantoms import ORGANS
 
-__all__ = [
-    "ANALYTIC",
-    "CORTICAL",
-    "TURN_DEG",
-    "Body",
-    "analytic_body",
-    "cortical_body",
-    "mesh_body",
-    "mesh_files",
-    "sample_stack",
-]
-
 #: Every body is turned by these angles about x, y and z, so that no face is parallel to the voxels' grid.
 TURN_DEG = (17.0, 23.0, 31.0)
 

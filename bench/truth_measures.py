@@ -14,25 +14,6 @@ from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray,
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = [
-    "SAMPLES",
-    "WRONG_PIXELS",
-    "Target",
-    "bending",
-    "compare",
-    "edge_counts",
-    "euler_number",
-    "from_polydata",
-    "inside",
-    "mean_distance",
-    "open_edges",
-    "sample_surface",
-    "to_image",
-    "to_polydata",
-    "transformed",
-    "wrong_voxels",
-]
-
 #: Points on each of two surfaces by which they are compared.
 SAMPLES = 15_000
 

@@ -23,22 +23,6 @@ from truth_measures import from_polydata, to_image, transformed
 
 from cccd.geometry.mesh import Mesh
 
-__all__ = [
-    "BANDS",
-    "DISTANCES",
-    "EDGES",
-    "FIXED",
-    "NIIMATH",
-    "ROUNDS",
-    "SLICER_EDGES",
-    "SLICER_NETS",
-    "Made",
-    "by_niimath",
-    "by_slicer",
-    "by_windowed_sinc",
-    "has_niimath",
-]
-
 EDGES = "flying edges + windowed sinc"
 DISTANCES = "linear distances + windowed sinc"
 SLICER_EDGES = "3D Slicer, flying edges"

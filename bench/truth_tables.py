@@ -8,8 +8,6 @@ from typing import Any
 import pandas as pd
 from truth_rivals import NIIMATH, SLICER_EDGES, SLICER_NETS
 
-__all__ = ["BEST", "DEFAULT", "FIXED", "OURS", "fill_page", "line", "page_tables", "summary", "thin_page"]
-
 OURS = "CCCD"
 
 #: What stands in the column ``choice``: how the setting was chosen.

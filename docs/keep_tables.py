@@ -12,8 +12,6 @@ from pathlib import Path
 
 import pandas as pd
 
-__all__ = ["TABLES", "keep_tables"]
-
 _SURFACE = (
     "case", "organ", "method", "chosen", "setting", "dice_3d", "assd_mm", "hd95_mm", "volume_bias",
     "curvature_per_area_mm", "closed_manifold", "self_intersections", "genus", "genus_true",

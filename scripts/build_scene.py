@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from cccd.geometry.ply import read_ply
-from cccd.store import atomic_path, read_structure_facts, write_json
+from cccd.store import atomic_path, write_json
 from cccd_labels.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import read_structure_facts
 
 case = snakemake.wildcards.case
 with job(snakemake.log[0], case, snakemake.input, snakemake.output):

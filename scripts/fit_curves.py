@@ -2,8 +2,8 @@
 
 from cccd.curves.describe import describe_curves
 from cccd.settings.curves import CurveSettings
-from cccd.store import read_curves, write_curves
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import read_curves, write_curves
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     contours = read_curves(snakemake.input.contours)

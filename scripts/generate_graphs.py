@@ -1,6 +1,6 @@
 """Draw the frozen synthetic junction graphs."""
 
-from cccd.settings.junctions import GraphSettings
+from cccd_networks.settings import GraphSettings
 from cccd_training.junctions.frozen_graphs import generate_graphs
 from cccd_workflow.job import job
 

@@ -7,11 +7,12 @@ from cccd.inputs.load import with_segmentation_notes
 from cccd.plugins import call
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
-from cccd.store import read_json, write_boundaries, write_contours, write_structure
+from cccd.store import read_json, write_structure
 from cccd_junctions.boundary import extract_boundaries
 from cccd_viewers.regions import draw_region
 from cccd_workflow.cohort import naming_row
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import write_boundaries, write_contours
 
 output, params = snakemake.output, snakemake.params
 name = f"{params.row['case']}/{params.row['organ']}"

@@ -1,7 +1,7 @@
 """Smooth the organs of one case together that touch: each wall between two of them is one surface."""
 
 from cccd.settings.surface import LoftSettings
-from cccd.store import write_conforming
+from cccd_labels.conforming import write_conforming
 from cccd_labels.shared_walls import read_structures, share_walls
 from cccd_workflow.job import job
 

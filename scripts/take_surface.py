@@ -1,11 +1,11 @@
 """Take the surface of one structure out of shared walls, or loft it where it touches nothing."""
 
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_sections
 from cccd.surface.loft import loft_surface
 from cccd.surface.surface import write_files
 from cccd_labels.shared_walls import take_organ
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import read_sections
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
     settings = LoftSettings(**snakemake.params.settings)

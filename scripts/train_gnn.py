@@ -1,6 +1,6 @@
 """Train a junction GNN, ours or the paper's, from its last checkpoint if there is one."""
 
-from cccd.settings.junctions import NetworkSettings
+from cccd_networks.settings import NetworkSettings
 from cccd_training.junctions.loop import train_model
 from cccd_workflow.job import job
 

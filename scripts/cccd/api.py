@@ -28,11 +28,10 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.inputs import read_request, structure_of_array
 from cccd.inputs.annotation import AUTO
 from cccd.inputs.file_requests import Label, Threshold, check_rule, holds_series, refuse_image, request_for
-from cccd.inputs.grid import Volume, check_affine, find_slice_axis
+from cccd.inputs.grid import Volume
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
 from cccd.plugins import find, table
-from cccd.project import SHIPPED_WEIGHTS
 from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.formats import FORMATS
 from cccd.settings.root import Settings
@@ -54,7 +53,6 @@ __all__ = [
     "Surface",
     "fit_contours",
     "labels",
-    "order",
     "read",
     "reconstruct",
 ]
@@ -217,11 +215,9 @@ class Surface:
         >>> bool(low < ball.volume < high)
         True
         """
-        from cccd.bands.samples import draw_meshes
-
         if self.lofted.band is None:
             raise InputError(self.name, "the surface has no error band", "make it from a mask or contours")
-        meshes = draw_meshes(self.lofted.mesh, self.lofted.band, count, seed)
+        meshes = find(table("OPTIONS")["draw_meshes"])(self.lofted.mesh, self.lofted.band, count, seed)
         return [
             replace(
                 self, lofted=replace(self.lofted, bodies=[], mesh=mesh, band=None), name=f"{self.name}_{n}"
@@ -232,10 +228,10 @@ class Surface:
     @property
     def intervals(self) -> dict[str, tuple[float, float]]:
         """Intervals of the spline's volume (ml), area (mm^2) and largest diameter (mm), if it has a band."""
-        from cccd.bands.samples import intervals
-
         whole = self.lofted.whole or self.lofted
-        return intervals(whole.mesh, whole.band) if self.lofted.band and whole.band else {}
+        if not (self.lofted.band and whole.band):
+            return {}
+        return find(table("OPTIONS")["intervals"])(whole.mesh, whole.band)
 
     @property
     def size(self) -> tuple[float, float, float]:
@@ -589,7 +585,6 @@ def fit_contours(
 
 
 def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
-    """Contours (n, 2) of one slice as `Curves`."""
     rings = [np.asarray(contour, float) for contour in contours]
     for number, ring in enumerate(rings):
         if ring.ndim != 2 or ring.shape[1] != 2 or len(ring) < 3 or not np.isfinite(ring).all():
@@ -605,58 +600,3 @@ def _one_slice(contours: Sequence[np.ndarray], affine: np.ndarray) -> Curves:
     shape = tuple(int(size) + 2 for size in np.ceil(points.max(axis=0)))
     frame = Frame(affine, 2, (shape[0], shape[1], 1))
     return Curves(points, offsets, np.zeros(len(rings), np.int32), hole, frame)
-
-
-@needing("cccd.order", "gnn")
-@one_thread
-def order(
-    boundary_map: np.ndarray,
-    affine: np.ndarray | None = None,
-    *,
-    image: np.ndarray | None = None,
-    weights: str | Path = SHIPPED_WEIGHTS,
-    settings: Settings | None = None,
-) -> Curves:
-    """Order the pixels of noisy boundary maps into closed simple curves; needs the extra ``gnn``.
-
-    Parameters
-    ----------
-    boundary_map : (a, b) or (a, b, c) array
-        One map or a stack of maps: every value but 0 is a boundary pixel.
-    affine : (4, 4) float, optional
-        Index to world mm (RAS); slices are stacked along the largest spacing. Default: voxels of one mm.
-    image : array, optional
-        The grey slices, of the same shape.
-    weights : path
-        A trained network. Default: the shipped one.
-    settings : Settings, optional
-        Section ``gnn.inference``.
-
-    Returns
-    -------
-    Curves
-        Points (i, j) of each closed curve, for `fit_contours` and `reconstruct`.
-
-    Raises
-    ------
-    InputError
-        No map encloses a region.
-    """
-    settings = checked_settings(settings)
-    maps = np.asarray(boundary_map) != 0
-    grey = None if image is None else np.asarray(image, np.float32)
-    if maps.ndim == 2:
-        maps, grey = maps[..., None], None if grey is None else grey[..., None]
-    if maps.ndim != 3 or (grey is not None and grey.shape != maps.shape):
-        raise InputError(
-            "boundary map",
-            f"an array of shape {maps.shape}",
-            "give (a, b) or (a, b, c), and an image of the same shape",
-        )
-    grid = check_affine(np.eye(4) if affine is None else affine, "affine")
-    a, b, c = maps.shape
-    axis = 2 if np.ndim(boundary_map) == 2 else find_slice_axis(grid, settings.import_.slice_axis)
-    frame = Frame(grid, axis, (a, b, c))
-    structure = Structure("boundary", "map", frame, np.zeros(3, np.int64), image=grey, boundary=maps)
-    order_maps = find(table("CURVES")["BoundaryMaps"])
-    return order_maps(structure, settings.boundaries, settings.gnn.inference, weights)

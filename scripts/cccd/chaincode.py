@@ -17,17 +17,12 @@ import numpy as np
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import BoolArray, owners_of, successors, sum_per_part
 
-__all__ = ["DIRECTIONS", "broken_links", "chain_codes", "changed_pixels", "on_pixel_chain"]
-
 #: Step (di, dj) of each Freeman code (Figure 1).
 DIRECTIONS = np.array([(0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1), (1, 0), (1, 1)])
 
 # code of a step, looked up at [di + 1, dj + 1]; 255 where nothing moves
 _CODE_OF_STEP = np.full((3, 3), 255, np.uint8)
 _CODE_OF_STEP[DIRECTIONS[:, 0] + 1, DIRECTIONS[:, 1] + 1] = np.arange(8)
-
-
-# Codes ------------------------------------------------------------------------------------------------
 
 
 def broken_links(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
@@ -66,9 +61,6 @@ def chain_codes(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
         raise ValueError(f"curve {curve} has a link that is not a step to a neighbouring pixel")
     step = (points[successors(offsets)] - points).astype(np.int64)
     return _CODE_OF_STEP[step[:, 0] + 1, step[:, 1] + 1]
-
-
-# What became of the pixels -------------------------------------------------------------------------------
 
 
 def changed_pixels(boundaries: Boundaries, curves: Curves) -> tuple[BoolArray, BoolArray]:

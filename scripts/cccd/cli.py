@@ -20,8 +20,6 @@ from cccd.extras import missing_extra
 from cccd.interruption import interruptible
 from cccd.plugins import find, table
 
-__all__ = ["main"]
-
 _EXAMPLES = """\
 examples:
   cccd surface liver.nii.gz                     liver.ply, from a mask

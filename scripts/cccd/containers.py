@@ -23,24 +23,6 @@ from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 from cccd.tolerances import ORTHOGONALITY
 
-__all__ = [
-    "Annotation",
-    "Boundaries",
-    "BoundaryMaps",
-    "Curves",
-    "FittedCurves",
-    "Frame",
-    "GreyImage",
-    "Grid",
-    "Guide",
-    "MaskStack",
-    "ProbabilityStack",
-    "Sections",
-    "Source",
-    "Splines",
-    "Structure",
-]
-
 
 class Grid(NamedTuple):
     """Voxels of a file: ``world_mm (RAS) = affine @ (a, b, c, 1)``."""

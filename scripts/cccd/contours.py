@@ -6,14 +6,11 @@ structure goes the workflow decides from the cohort sheet, before any job starts
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 from cccd.containers import Curves, Structure
 from cccd.errors import InputError
 from cccd.tracing import left_out, level_curves, trace_stack
-
-__all__ = ["check_closed", "doubtful_slices", "take_contours", "trace_contours"]
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
@@ -77,31 +74,6 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     if structure.contours is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there are no drawn contours", _CHANGED)
     return check_closed(structure.contours, structure), {"method": "contours as given"}
-
-
-def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
-    """Say, of what `cccd_junctions.ordering.order_boundaries` reports, which slices should be looked at.
-
-    Examples
-    --------
-    >>> found = {"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24, "unlisted_wrong": 0.1}
-    >>> print(*doubtful_slices(found))
-    check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong; of the \
-others at most 10 % on average)
-    >>> print(*doubtful_slices(found | {"doubtful": [3, 1, 0]}))
-    most slices are doubtful (3 of 4; about 1.2 are expected to be wrong): check each of them
-    """
-    doubtful = report.get("doubtful", [])
-    if not doubtful:
-        return []
-    whole = len(report["slices"])
-    wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
-    if len(doubtful) > whole / 2:  # such a list helps nobody to choose
-        return [f"most slices are doubtful ({len(doubtful)} of {whole}; {wrong}): check each of them"]
-    listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
-    if report["unlisted_wrong"] is not None:
-        wrong += f"; of the others at most {100 * report['unlisted_wrong']:.3g} % on average"
-    return [f"check these slices, the most doubtful first: {listed} ({len(doubtful)} of {whole}; {wrong})"]
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:

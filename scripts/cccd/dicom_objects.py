@@ -11,18 +11,8 @@ from pathlib import Path
 from cccd.errors import InputError, choices
 from cccd.extras import missing_extra
 
-__all__ = ["dicom_modality", "holds_contours", "lies_in_its_series", "object_in", "referenced_series"]
-
 #: Every DICOM file begins with so many bytes of anything, and then these (PS3.10, section 7.1).
 _PREAMBLE, _MAGIC = 128, b"DICM"
-
-#: Sequences, each in the one before where there is one, that lead to the series of a SEG or an RTSTRUCT.
-_REFERENCES = (
-    "ReferencedSeriesSequence",
-    "ReferencedFrameOfReferenceSequence",
-    "RTReferencedStudySequence",
-    "RTReferencedSeriesSequence",
-)
 
 
 def dicom_modality(path: Path) -> str | None:
@@ -36,10 +26,10 @@ def dicom_modality(path: Path) -> str | None:
     InputError
         It is DICOM, and pydicom is not installed.
     """
-    return (_header(path, "Modality") or {}).get("Modality")
+    return (header_of(path, "Modality") or {}).get("Modality")
 
 
-def _header(path: Path, *keywords: str) -> dict[str, str] | None:
+def header_of(path: Path, *keywords: str) -> dict[str, str] | None:
     """Read values of a DICOM file's header, empty where it has none; None for any other file."""
     try:
         with path.open("rb") as file:
@@ -55,6 +45,11 @@ def _header(path: Path, *keywords: str) -> dict[str, str] | None:
         return dict.fromkeys(keywords, "")
 
 
+def is_object(path: Path) -> bool:
+    """Whether a file is a SEG or an RTSTRUCT."""
+    return path.is_file() and dicom_modality(path) in ("SEG", "RTSTRUCT")
+
+
 def object_in(path: Path) -> Path:
     """Find the one SEG or RTSTRUCT in a folder; any other path stays as it is.
 
@@ -65,56 +60,9 @@ def object_in(path: Path) -> Path:
     """
     if not path.is_dir():
         return path
-    files = sorted(file for file in path.iterdir() if file.is_file())
-    objects = [file for file in files if dicom_modality(file) in ("SEG", "RTSTRUCT")]
+    objects = [file for file in sorted(path.iterdir()) if is_object(file)]
     if len(objects) > 1:
         raise InputError(
             path.name, f"it contains {len(objects)} SEG or RTSTRUCT objects", choices(f.name for f in objects)
         )
     return objects[0] if objects else path
-
-
-def referenced_series(path: Path) -> str:
-    """Read the UID of the series that a SEG or RTSTRUCT was made on; empty where there is none."""
-    if dicom_modality(path) not in ("SEG", "RTSTRUCT"):
-        return ""
-    import pydicom
-
-    try:
-        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=list(_REFERENCES))
-        found = [header]
-        for keyword in _REFERENCES:
-            found = [inner for item in found for inner in item.get(keyword, [])] or found
-        return str(found[0].get("SeriesInstanceUID", "")) if found[0] is not header else ""
-    except Exception:  # pydicom raises whatever its parser meets
-        return ""
-
-
-def lies_in_its_series(path: Path) -> bool:
-    """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
-    header = _header(path, "Modality", "FrameOfReferenceUID")
-    if header is None or header["Modality"] not in ("SEG", "RTSTRUCT"):
-        return False
-    own = {referenced_series(path), header["FrameOfReferenceUID"]} - {""}
-    return bool(own) and any(_series_of(file) in own for file in path.parent.iterdir() if file != path)
-
-
-def _series_of(path: Path) -> str:
-    """UID of an image's series, or of its frame of reference where anonymising has taken that."""
-    uids = "SeriesInstanceUID", "FrameOfReferenceUID"
-    header = _header(path, "Modality", *uids) if path.is_file() else None
-    if header is None or header["Modality"] in ("", "SEG", "RTSTRUCT"):
-        return ""
-    return header[uids[0]] or header[uids[1]]
-
-
-def holds_contours(path: Path) -> bool:
-    """Whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
-
-    Of a path that cannot be read the answer is no; the job that imports it says what is wrong.
-    """
-    try:
-        found = object_in(path)
-        return found.is_file() and dicom_modality(found) == "RTSTRUCT"
-    except (InputError, OSError):
-        return False

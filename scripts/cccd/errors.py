@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import Any
 
-__all__ = ["EarlyWarning", "InputError", "MergedLabels", "choices", "nearest"]
-
 
 class MergedLabels(UserWarning):
     """Python's warning that several labels became one organ, as nobody said which."""

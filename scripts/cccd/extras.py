@@ -8,8 +8,6 @@ from collections.abc import Iterator
 
 from cccd.errors import InputError
 
-__all__ = ["EXTRAS", "check_extra", "how_to_install", "missing_extra", "needing"]
-
 #: Modules of each extra, by what they are imported as; ``pyproject.toml`` names their distributions. Where
 #: nobody says what a module was needed for, the first extra that brings it is named.
 EXTRAS: dict[str, tuple[str, ...]] = {

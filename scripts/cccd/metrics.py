@@ -8,11 +8,8 @@ import numpy as np
 import scipy
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.booleans import shared_volume
 from cccd.geometry.distance import nearest_faces, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-
-__all__ = ["Gaps", "dice", "normal_angles", "solid_dice", "surface_distances"]
 
 #: Points at which normals are compared.
 ANGLES = 10_000
@@ -90,12 +87,6 @@ def _farthest(mesh: Mesh, other: Mesh, points: FloatArray, distances: FloatArray
     away, nearest = scipy.spatial.cKDTree(points).query(mesh.vertices)
     further = mesh.vertices[distances[nearest] + away > far]  # no others can be: a step away is a step more
     return max(far, float(unsigned_to_mesh(further, other).max())) if len(further) else far
-
-
-def solid_dice(first: Mesh, second: Mesh) -> float | None:
-    """Dice of what two closed meshes enclose, exact; None where one of them bounds no solid."""
-    shared = shared_volume(first, second)
-    return None if shared is None else min(1.0, 2 * shared / (first.volume + second.volume))
 
 
 def normal_angles(mesh: Mesh, truth: Mesh, rng: np.random.Generator, *, is_smooth: bool = True) -> np.ndarray:

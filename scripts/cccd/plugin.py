@@ -17,8 +17,4 @@ WRITERS = {
 
 COMMANDS = {
     "surface": Command("make a surface of one organ, or of every label", "cccd.commands.surface.add_surface"),
-    "export": Command(
-        "write a finished structure of the workflow in another format", "cccd.commands.export.add_export"
-    ),
-    "next": Command("name the slice to annotate next", "cccd.commands.next_slice.add_next"),
 }

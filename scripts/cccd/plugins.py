@@ -11,6 +11,7 @@ table                     a row
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves of an input, by the input's type
 ``SOURCES``               path of what makes a row's `Scan` or `Structure`, by its source
+``LAYOUTS``               path of what completes a row of a named cohort, by its source
 ``MASKS``                 path of what finds an organ in an image, by how (`cccd.inputs.load.find_organ`)
 ``API``                   path of a public function of ``import cccd``
 ``SETTINGS``              path of a section's model and its default (as `pydantic.create_model` has fields)
@@ -34,8 +35,6 @@ from importlib import import_module
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Literal
-
-__all__ = ["PACKAGES", "Command", "Format", "Reader", "call", "find", "folders", "table"]
 
 #: The core, and what is around it: those that are not there add nothing.
 PACKAGES = (

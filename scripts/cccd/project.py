@@ -8,8 +8,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-__all__ = ["PROJECT", "SHIPPED_WEIGHTS"]
-
 _CARRIED = Path(__file__).resolve().parent / "pipeline"
 
 #: The folder of the Snakefile.

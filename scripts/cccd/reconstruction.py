@@ -13,8 +13,6 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["find_contours", "loft_sections", "reconstruct_mask"]
-
 
 def find_contours(structure: Structure, boundaries: BoundarySettings, inference: InferenceSettings) -> Curves:
     """Make ordered closed curves of what a structure brings.

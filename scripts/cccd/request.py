@@ -5,19 +5,11 @@ Imported at every parse of the workflow, so it imports nothing heavy.
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
-from cccd.errors import InputError, choices
-
-__all__ = ["IMAGES_ALONE", "Request", "completed"]
-
-#: Sources of an image alone, in which the organ is found; the mask that they bring is ground truth only.
-IMAGES_ALONE = ("mni152_scan", "mni152_head", "phantom_scan")
-_TUMOUR = ("tumour", "tumor", "lesion")
+from cccd.plugins import find, table
 
 
 @dataclass(frozen=True)
@@ -100,73 +92,10 @@ class Request:
 def completed(request: Request) -> Request:
     """Fill in what the layout of a named cohort's download implies: mask and label. The sheet goes first.
 
-    LiTS17: ``segmentation-N.nii`` next to ``volume-N.nii``, 1 liver, 2 tumour
-    (which is part of the liver). UPENN-GBM: ``images_segm/ID_segm.nii.gz`` next to ``images_structural/ID/``,
-    labels 1, 2, 4; the brain is what skull stripping left. Medical Segmentation Decathlon: ``labelsTr``
-    next to ``imagesTr``, the labels' names in ``dataset.json``.
-
     Raises
     ------
     InputError
         A name that does not follow the layout, or an organ that the cohort does not have.
     """
-    complete = {"lits17": _complete_lits, "upenn_gbm": _complete_upenn, "msd": _complete_decathlon}
-    way = complete.get(request.source)
-    return request if way is None or request.image is None else way(request, request.image)
-
-
-def _complete_lits(request: Request, image: Path) -> Request:
-    mask, labels = request.mask, ()
-    if mask is None:
-        match = re.fullmatch(r"volume-(\d+)(\.nii(?:\.gz)?)", image.name)
-        if not match:
-            raise InputError(request.location, f"{image.name} is not a LiTS17 volume", "give volume-N.nii")
-        mask = image.with_name(f"segmentation-{match[1]}{match[2]}")
-    if not request.label:
-        implied = {"liver": (1, 2), **dict.fromkeys(_TUMOUR, (2,))}
-        if request.organ.lower() not in implied:
-            problem = f"LiTS17 has no organ {request.organ!r}"
-            raise InputError(request.location, problem, choices(["liver", "tumour"]))
-        labels = implied[request.organ.lower()]
-    return replace(request, mask=mask, implied=labels)
-
-
-def _complete_upenn(request: Request, image: Path) -> Request:
-    if request.mask is not None or request.organ.lower() == "brain":
-        return request
-    if request.organ.lower() not in _TUMOUR:
-        problem = f"UPENN-GBM has no organ {request.organ!r}"
-        raise InputError(request.location, problem, choices(["brain", "tumour"]))
-    match = re.match(r"(UPENN-GBM-\d+_\d+)_", image.name)
-    if not match:
-        problem = f"{image.name} is not a UPENN-GBM volume"
-        raise InputError(request.location, problem, "give UPENN-GBM-NNNNN_NN_T1.nii.gz")
-    top = image.parent.parent.parent
-    candidates = [
-        top / "images_segm" / f"{match[1]}_segm.nii.gz",
-        top / "automated_segm" / f"{match[1]}_automated_approx_segm.nii.gz",
-    ]
-    mask = next((file for file in candidates if (request.folder / file).exists()), candidates[0])
-    return replace(request, mask=mask, implied=() if request.label else (1, 2, 4))
-
-
-def _complete_decathlon(request: Request, image: Path) -> Request:
-    mask = request.mask
-    if mask is None:
-        if image.parent.name != "imagesTr":
-            problem = f"{image.name} is not in imagesTr"
-            raise InputError(request.location, problem, "give imagesTr/NAME.nii.gz")
-        mask = image.parent.with_name("labelsTr") / image.name
-    listing = request.folder / image.parent.with_name("dataset.json")
-    if request.label or not listing.is_file():
-        return replace(request, mask=mask)
-    try:
-        named = json.loads(listing.read_text(encoding="utf-8"))["labels"]
-        values = {str(name).lower(): int(value) for value, name in named.items() if int(value)}
-    except (ValueError, KeyError, AttributeError, TypeError) as error:
-        raise InputError(
-            str(listing), f"no list of labels ({type(error).__name__})", "restore the download's dataset.json"
-        ) from None
-    organ = values.get(request.organ.lower())
-    labels = tuple(sorted(values.values())) if organ is None else (organ,)
-    return replace(request, mask=mask, implied=labels)
+    layout = table("LAYOUTS").get(request.source)
+    return request if layout is None or request.image is None else find(layout)(request, request.image)

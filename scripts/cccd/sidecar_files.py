@@ -10,8 +10,6 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["VoxelHeader", "read_voxel_header", "voxel_files"]
-
 # The field that says where the voxels are; its values for "in this file" and "in several files".
 _VOXEL_FIELD = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
 _IN_ITSELF = re.compile(rb"local", re.IGNORECASE)

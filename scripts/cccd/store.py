@@ -24,47 +24,17 @@ import h5py
 import numpy as np
 import numpy.typing as npt
 
-from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Grid, Sections, Splines, Structure
+from cccd.containers import Frame, Grid, Structure
 from cccd.errors import InputError
 
 if TYPE_CHECKING:  # loaded where they are read: each job has a process of its own
     import pandas as pd
 
     from cccd.bands import Band
-    from cccd.geometry.conforming import ConformingSurface
     from cccd.geometry.subdivision import ControlMesh
-
-__all__ = [
-    "atomic_path",
-    "bodies_bytes",
-    "check_writable",
-    "read_band",
-    "read_bodies",
-    "read_boundaries",
-    "read_compared",
-    "read_conforming",
-    "read_curves",
-    "read_drawn",
-    "read_json",
-    "read_report",
-    "read_sections",
-    "read_splines",
-    "read_structure",
-    "read_table",
-    "write_boundaries",
-    "write_conforming",
-    "write_contours",
-    "write_control_meshes",
-    "write_curves",
-    "write_json",
-    "write_structure",
-    "write_table",
-]
 
 _T = TypeVar("_T")
 
-#: Arrays of organs that share their walls.
-_CONFORMING = ("vertices", "triangles", "regions")
 #: How near in mm vertices are that were kept as single floats.
 _SAME_VERTEX_MM = 1e-3
 
@@ -129,6 +99,7 @@ def new_file(path: str | Path) -> Generator[h5py.File, None, None]:
 
 @contextlib.contextmanager
 def open_file(path: str | Path) -> Generator[h5py.File, None, None]:
+    """Open a file to read; one that is damaged, or of another layout, is one line to its user."""
     try:
         file = h5py.File(path, "r", locking=False)
     except OSError as error:
@@ -183,10 +154,11 @@ def write_fields(group: h5py.Group, value: object) -> None:
     What is None is left out; what has parts of any type, or of text, is JSON; the frame is the file's.
     """
     for name, kind in get_type_hints(type(value)).items():
-        _write_value(group, name, getattr(value, name), kind)
+        write_value(group, name, getattr(value, name), kind)
 
 
-def _write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+def write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
+    """Write one field: see `write_fields`."""
     if isinstance(value, Frame):
         _put_frame(cast(Any, group).file, value)
     elif isinstance(value, np.ndarray):
@@ -199,7 +171,7 @@ def _write_value(group: h5py.Group, name: str, value: Any, kind: Any) -> None:
         within = group.create_group(name)
         parts = cast(Any, value.items() if isinstance(value, dict) else enumerate(cast(Any, value)))
         for key, part in parts:
-            _write_value(within, str(key), part, None)
+            write_value(within, str(key), part, None)
     elif value is not None:
         group.attrs[name] = value
 
@@ -215,6 +187,7 @@ def read_fields(group: h5py.Group, kind: type[_T]) -> _T:
 
 
 def read_value(group: h5py.Group, name: str, kind: Any) -> Any:
+    """Read what `write_fields` wrote of one field."""
     if isinstance(kind, UnionType):  # with None
         return read_value(group, name, get_args(kind)[0]) if name in group else None
     if kind is Frame:
@@ -302,9 +275,6 @@ def read_table(path: str | Path) -> pd.DataFrame | None:
     return None if frame.empty else frame
 
 
-# structure.h5 ---------------------------------------------------------------------------------------
-
-
 def write_structure(path: str | Path, structure: Structure) -> None:
     """Write ``structure.h5``."""
     with new_file(path) as file:
@@ -317,97 +287,10 @@ def read_structure(path: str | Path) -> Structure:
         return read_fields(file, Structure)
 
 
-def read_sections(contours: str | Path, structure: str | Path) -> Sections:
-    """Read what a surface is lofted from: ``contours.h5``, and what ``structure.h5`` knows of its slices."""
-    return read_structure(structure).sections(read_curves(contours))
-
-
 def read_drawn(path: str | Path) -> Structure | None:
     """Read ``structure.h5`` where only some slices were drawn; None where all are known."""
     with open_file(path) as file:
         return read_fields(file, Structure) if "annotation" in file else None
-
-
-def read_compared(path: str | Path) -> Structure:
-    """Read ``structure.h5`` for comparisons: a mask that knows some slices only is none to compare with."""
-    structure = read_structure(path)
-    if structure.annotation is not None:
-        structure.mask = None
-    return structure
-
-
-def read_structure_facts(path: str | Path) -> tuple[Frame, dict[str, Any], list[str]]:
-    """Read the frame, the provenance and the warnings of ``structure.h5``, and none of its arrays."""
-    with open_file(path) as file:
-        return _get_frame(file), _get_json(file, "provenance"), _get_json(file, "warnings")
-
-
-# boundaries.h5 --------------------------------------------------------------------------------------
-
-
-def write_boundaries(path: str | Path, boundaries: Boundaries) -> None:
-    """Write ``boundaries.h5``."""
-    with new_file(path) as file:
-        write_fields(file.create_group("pixels"), boundaries)
-
-
-def read_boundaries(path: str | Path) -> Boundaries:
-    """Read ``boundaries.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["pixels"], Boundaries)
-
-
-# contours.h5 and curves.h5 --------------------------------------------------------------------------
-
-
-def write_contours(path: str | Path, curves: Curves, report: Mapping[str, Any]) -> None:
-    """Write ``contours.h5``: ordered closed curves, the same whichever way they came.
-
-    Parameters
-    ----------
-    path : path
-        Where.
-    curves : Curves
-        The ordered curves.
-    report : mapping
-        Plain JSON: ``method``, and what that way counted.
-    """
-    with new_file(path) as file:
-        _put_json(file, "report", report)
-        write_fields(file.create_group("ordered"), curves)
-
-
-def write_curves(path: str | Path, fitted: FittedCurves) -> None:
-    """Write ``curves.h5``: the ordered curves again, and what describes them beside them."""
-    with new_file(path) as file:
-        _put_json(file, "report", fitted.report)
-        write_fields(file.create_group("ordered"), fitted.curves)
-        _put(file, "chain_codes/codes", fitted.codes, np.uint8)
-        _put(file, "chain_codes/offsets", fitted.curves.offsets, np.int64)
-        _put(file, "corners/points", fitted.corners, np.float64)
-        _put(file, "corners/offsets", fitted.corner_offsets, np.int64)
-        write_fields(file.create_group("splines"), fitted.splines)
-
-
-def read_curves(path: str | Path) -> Curves:
-    """Read the ordered curves of ``contours.h5`` or ``curves.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["ordered"], Curves)
-
-
-def read_corners(path: str | Path) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Read the corner points (K, 2) of ``curves.h5`` and their offsets (C + 1,)."""
-    with open_file(path) as file:
-        return _get(file, "corners/points"), _get(file, "corners/offsets")
-
-
-def read_splines(path: str | Path) -> Splines:
-    """Read the closed splines of ``curves.h5``."""
-    with open_file(path) as file:
-        return read_fields(file["splines"], Splines)
-
-
-# surface.h5 -----------------------------------------------------------------------------------------
 
 
 def write_control_meshes(
@@ -496,21 +379,3 @@ def read_surface_frame(path: str | Path) -> Frame:
     """Read the grid of the source volume that a surface was lofted in."""
     with open_file(path) as file:
         return _get_frame(file)
-
-
-def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
-    """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
-    with new_file(path) as file:
-        for name in _CONFORMING:
-            _put(file, name, getattr(surface, name))
-        _put_json(file, "names", {str(label): name for label, name in surface.names.items()})
-        _put_json(file, "report", report)
-
-
-def read_conforming(path: str | Path) -> ConformingSurface:
-    """Read the surfaces of a case's organs that share their walls."""
-    from cccd.geometry.conforming import ConformingSurface
-
-    with open_file(path) as file:
-        names = {int(label): name for label, name in _get_json(file, "names").items()}
-        return ConformingSurface(*(_get(file, name) for name in _CONFORMING), names=names)

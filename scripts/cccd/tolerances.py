@@ -23,15 +23,6 @@ CONTROL_POINT_PIXELS = 0.008
 #: Smoothed distances enclose this share of a part of few voxels.
 SHRUNK_PART = 0.5
 
-#: Contour planes may lie this share of the slice spacing away from a slice.
-CONTOUR_PLANE = 0.1
-
-#: Drawn contours may leave their plane by this share of their width; likewise 1 - cosine of directions.
-SLICE_DIRECTION = 1e-3
-
-#: Contours nearer than this along the normal lie in one plane (coordinates are written with few digits).
-SAME_PLANE_MM = 0.01
-
 #: Weight of a control polygon's bending against the data's; it only decides what the data leave open.
 RIDGE = 1e-7
 

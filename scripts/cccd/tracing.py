@@ -23,8 +23,6 @@ from cccd.geometry.arrays import (
 from cccd.geometry.opencv import borders_of, components
 from cccd.geometry.polygons import RaggedPolygons
 
-__all__ = ["left_out", "level_curves", "trace_mask", "trace_stack"]
-
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
 

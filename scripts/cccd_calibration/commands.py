@@ -18,8 +18,6 @@ from cccd_calibration.readers import Pair, calibrate_readers, compare_readers, r
 from cccd_calibration.thinning import calibrate_masks
 from cccd_workflow.cohort import read_cohort
 
-__all__ = ["add_calibrate"]
-
 
 def add_calibrate(command: argparse.ArgumentParser) -> None:
     """Thin dense masks, loft them, and find by how much the error bands must be widened.

@@ -9,15 +9,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 
-__all__ = [
-    "FACTORS",
-    "coverage_curve",
-    "fewest_organs",
-    "first_enough",
-    "smallest_factor",
-    "too_few_organs",
-]
-
 #: Factors that are tried, each 2.5 % above the one before.
 FACTORS = 0.01 * 1.025 ** np.arange(354)
 

@@ -12,8 +12,6 @@ from cccd.bands.calibration import REGIMES, Calibration
 from cccd.bands.signs import SIGNS
 from cccd_calibration.factors import Thinned
 
-__all__ = ["coverage_figures", "coverage_table"]
-
 #: Classes of thickness in pixels.
 CLASSES = (0.0, 4.0, 7.0, 12.0, np.inf)
 

@@ -13,8 +13,6 @@ from cccd.bands.calibration import REGIMES, SHARES, Calibration, Regime
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd_calibration.conformal import coverage_curve, smallest_factor, too_few_organs
 
-__all__ = ["Thinned", "calibrate"]
-
 #: Points of a stack whose errors are compared with each other; correlation lengths in pixels that are tried.
 CORRELATED, LENGTHS = 300, np.geomspace(0.5, 12, 25)
 

@@ -7,3 +7,5 @@ COMMANDS = {
         "calibrate the error bands on your own masks or readers", "cccd_calibration.commands.add_calibrate"
     )
 }
+
+OPTIONS = {name: f"cccd_calibration.samples.{name}" for name in ("draw_meshes", "intervals")}

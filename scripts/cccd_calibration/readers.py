@@ -23,8 +23,6 @@ from cccd_calibration.conformal import coverage_curve, smallest_factor, too_few_
 from cccd_calibration.thinning import sample_offsets
 from cccd_workflow.sheet import read_rows
 
-__all__ = ["Pair", "PairRow", "calibrate_readers", "compare_readers", "read_pairs"]
-
 
 @dataclass(frozen=True, eq=False)
 class Pair:

@@ -9,7 +9,6 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.bands.calibration import Calibration
-from cccd.bands.samples import largest_diameter
 from cccd.bands.signs import signs_of
 from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
@@ -25,17 +24,7 @@ from cccd.surface.measure import mask_surface
 from cccd.surface.spline import SplineSolid
 from cccd_calibration.conformal import fewest_organs, too_few_organs
 from cccd_calibration.factors import Thinned, calibrate
-
-__all__ = [
-    "EVERY",
-    "Thinning",
-    "averaged",
-    "calibrate_masks",
-    "compare",
-    "sample_offsets",
-    "thin",
-    "thin_once",
-]
+from cccd_calibration.samples import largest_diameter
 
 #: Every n-th slice is kept.
 EVERY = (2, 3, 4, 6, 8, 10)

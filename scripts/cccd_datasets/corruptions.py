@@ -15,8 +15,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, ranks
 from cccd.geometry.opencv import border_pixels, distance_to_zero
 from cccd.tolerances import ROUNDING
 
-__all__ = ["KINDS", "corrupt"]
-
 
 class _Canvas:
     """A boundary map in the making: defects are drawn onto it, one after the other."""

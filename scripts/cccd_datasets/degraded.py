@@ -15,8 +15,6 @@ from cccd.containers import Structure
 from cccd.geometry.arrays import FloatArray
 from cccd.inputs.grid import Volume
 
-__all__ = ["BIAS", "EVERY", "NOISE", "bias_field", "coarser", "damage_maps", "rescan"]
-
 #: Voxels of the template that become one: 2 x 2 x 5 mm, a quick clinical scan, and seconds to order.
 EVERY = (2, 2, 5)
 

@@ -24,8 +24,6 @@ from cccd_datasets.implicit_solids import (
     union,
 )
 
-__all__ = ["draw_head"]
-
 # Grey values of T1 images (spoiled gradient echo at 1.5 T) beside white matter, whose value is one.
 _AIR, _BONE, _FLUID, _BLOOD, _MUSCLE, _DURA, _MARROW, _FAT = 0.0, 0.06, 0.22, 0.42, 0.5, 0.55, 0.75, 1.1
 _NERVE, _GLAND, _SKIN = 0.8, 0.7, 0.55

@@ -19,23 +19,6 @@ from cccd.geometry.arrays import AnyArray
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 
-__all__ = [
-    "ImplicitFunction",
-    "Tissue",
-    "capsule",
-    "ellipsoid",
-    "half_space",
-    "interpolate_lattice",
-    "intersection",
-    "mesh_zero_set",
-    "paint_tissues",
-    "sample_lattice",
-    "subtraction",
-    "torus",
-    "union",
-    "warped",
-]
-
 #: Vertices of a phantom's true surface lie this near to its zero set.
 PROJECTION_MM = 1e-4
 

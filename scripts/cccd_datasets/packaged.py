@@ -19,8 +19,6 @@ if TYPE_CHECKING:
     import pyvista
     from nibabel.spatialimages import SpatialImage
 
-__all__ = ["read_chest_ct", "read_mni152", "read_whole_body_ct"]
-
 #: Labels of the chest CT's segmentation, by organ.
 _CHEST = {"lungs": (5, 6), "right_lung": (5,), "left_lung": (6,)}
 

@@ -35,8 +35,6 @@ from cccd_datasets.implicit_solids import (
     warped,
 )
 
-__all__ = ["ORGANS", "make_phantom"]
-
 #: Pixels of a slice along i and j, and sub-slices that make up a thick slice.
 _MATRIX, _SUBSLICES = 512, 5
 

@@ -10,3 +10,9 @@ SOURCES = {
     "chest_ct": "cccd_datasets.scans.read_packaged",
     "whole_body_ct": "cccd_datasets.scans.read_packaged",
 }
+
+LAYOUTS = {
+    "lits17": "cccd_datasets.layouts.complete_lits",
+    "upenn_gbm": "cccd_datasets.layouts.complete_upenn",
+    "msd": "cccd_datasets.layouts.complete_decathlon",
+}

@@ -15,8 +15,6 @@ from cccd_datasets.degraded import BIAS, EVERY, NOISE, damage_maps, rescan
 from cccd_datasets.heads import draw_head
 from cccd_datasets.phantoms import make_phantom
 
-__all__ = ["make_row_phantom", "read_packaged", "scan_brain", "scan_row_phantom"]
-
 # What is scanned around a phantom's organ, mm, and by how much its voxels are larger than a mask's phantom's:
 # a quick scan, and seconds to order.
 _AROUND_PHANTOM_MM, _COARSER = 45.0, (2, 2, 1)

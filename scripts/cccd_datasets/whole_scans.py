@@ -15,8 +15,6 @@ from cccd.inputs.row_files import read_image
 from cccd.settings.imports import ImportSettings
 from cccd_datasets.phantoms import make_phantom
 
-__all__ = ["read_scan", "scan_phantom"]
-
 #: Background left around a phantom's organ, in mm; the organ's place in it varies by as much again.
 _PHANTOM_MARGIN_MM = 45.0
 

@@ -16,11 +16,8 @@ from cccd.containers import Curves, Frame
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.inputs.grid import Volume, even_grid
-from cccd.tolerances import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION
-
-__all__ = ["assemble_contours", "contour_frame"]
-
+from cccd.inputs.grid import Volume
+from cccd_dicom.slices import CONTOUR_PLANE, SAME_PLANE_MM, SLICE_DIRECTION, even_grid
 
 #: Contours run along pixels when this share of their steps are along an axis and whole numbers of pixels, or
 #: cut corners at 45 degrees, each to this share of a pixel, and at least so many are along an axis.
@@ -29,8 +26,6 @@ TRACED, LEAST_STEPS, ALONG_AXIS = 0.95, 40, 0.02
 _CONTOUR_AREA = 1e-3
 #: Neighbouring points of a drawn contour nearer than this, in pixels, are one point.
 _SAME_POINT_VOXELS = 1e-6
-
-# the grid of the contours ---------------------------------------------------------------------------
 
 
 class _Planes(NamedTuple):
@@ -209,9 +204,6 @@ def _move_to_planes(affine: FloatArray, axis: int, shape: Sequence[int] | AnyArr
     affine[:3, 3] -= margin * affine[:3, axis]
     sizes[axis] = int(np.rint((heights[-1] - heights[0]) / spacing)) + 1 + 2 * margin
     return Frame(affine, axis, (sizes[0], sizes[1], sizes[2]))
-
-
-# the curves -----------------------------------------------------------------------------------------
 
 
 def assemble_contours(rois: list[list[FloatArray]], frame: Frame, location: str) -> tuple[Curves, list[str]]:

@@ -19,8 +19,6 @@ from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
 from cccd_dicom.rtstruct import copy_identity, identified_dataset, item_of, reference_slices, references_to
 
-__all__ = ["write", "write_encapsulated_stl"]
-
 #: Encapsulated STL Storage (PS3.4, annex B.5).
 _SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
 

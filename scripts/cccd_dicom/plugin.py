@@ -4,9 +4,12 @@ from cccd.plugins import Format, Reader
 
 READERS = {
     "series": Reader("cccd_dicom.readers.read_series"),
+    "reference": Reader("cccd_dicom.references.referenced_series"),
     "SEG": Reader("cccd_dicom.readers.read_segments", "cccd_dicom.readers.segment_names"),
     "RTSTRUCT": Reader("cccd_dicom.readers.read_regions", "cccd_dicom.readers.region_names"),
 }
+
+OPTIONS = {"in_its_series": "cccd_dicom.references.lies_in_its_series"}
 
 #: They refer to the series that they were made on.
 _REFERRING = ("dicom", "mesh", "cccd_dicom.seg.check_series")

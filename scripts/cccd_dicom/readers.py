@@ -19,27 +19,15 @@ from pydicom.errors import InvalidDicomError
 
 from cccd.errors import InputError, choices
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
-from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, even_grid
+from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.load import Scan
 from cccd.inputs.readers import check_count, check_size, guarded
 from cccd.request import Request
 from cccd.settings.imports import ImportSettings
-from cccd.tolerances import CONTOUR_PLANE, ORTHOGONALITY, SAME_PLANE_MM
+from cccd.tolerances import ORTHOGONALITY
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
-
-__all__ = [
-    "NO_IMAGES",
-    "Regions",
-    "Segments",
-    "known_uid",
-    "read_regions",
-    "read_segments",
-    "read_series",
-    "region_names",
-    "segment_names",
-    "sop_uid",
-]
+from cccd_dicom.slices import CONTOUR_PLANE, SAME_PLANE_MM, even_grid
 
 #: Slice positions may differ from even spacing by this share of the spacing.
 _EVEN_SPACING = 0.02

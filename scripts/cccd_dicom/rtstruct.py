@@ -32,18 +32,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
-from cccd.tolerances import CONTOUR_PLANE
 from cccd_dicom.readers import NO_IMAGES, known_uid, sop_uid
-
-__all__ = [
-    "copy_identity",
-    "identified_dataset",
-    "item_of",
-    "reference_slices",
-    "references_to",
-    "write",
-    "write_rtstruct",
-]
+from cccd_dicom.slices import CONTOUR_PLANE
 
 logger = logging.getLogger(__name__)
 _warn_once = cache(logger.warning)  # a series is read for each file that refers to it

@@ -24,10 +24,8 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
 from cccd.surface.surface import LoftedSurface
-from cccd.tolerances import CONTOUR_PLANE
 from cccd_dicom.rtstruct import copy_identity, reference_slices
-
-__all__ = ["write", "write_seg"]
+from cccd_dicom.slices import CONTOUR_PLANE
 
 #: Said where there is no series, and of headers that highdicom makes no SEG of, such as those of two studies.
 _NO_SERIES = ("a SEG needs its DICOM series, and there is none", "name the series' folder as image")

@@ -23,8 +23,6 @@ from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.readers import check_size, dataset_names, guarded
 
-__all__ = ["Classes", "read_classes"]
-
 _HINT = "run nnUNetv2_predict --save_probabilities again, and keep both files"
 
 

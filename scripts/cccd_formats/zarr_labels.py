@@ -14,8 +14,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.inputs.grid import Volume, check_affine
 from cccd.inputs.readers import guarded
 
-__all__ = ["read_zarr"]
-
 #: mm per unit of length that OME-Zarr names; without a name, lengths are taken as mm.
 _MM = {"millimeter": 1.0, "micrometer": 1e-3, "nanometer": 1e-6, "centimeter": 10.0, "meter": 1e3, "": 1.0}
 

@@ -16,8 +16,6 @@ from cccd_junctions.decoding import SMALLEST_LOOP_PX, border_loops
 from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd_junctions.energy import Energy, EnergyWeights, Logits, least_energies
 
-__all__ = ["FEATURES", "alternatives", "describe", "pieces"]
-
 #: Nats by which all logits are shifted, to either side.
 SHIFTS = (1.0, 3.0, 9.0)
 #: Smaller zones are not weighed, and of the others at most so many, those that cost least.
@@ -89,8 +87,6 @@ def _costs(graph: DelaunayGraph, energy: Energy[FloatArray], labels: BoolArray) 
     first, second = graph.link_triangles.T
     return labels @ energy.unary + (labels[:, first] != labels[:, second]) @ energy.pairwise
 
-
-# Description ------------------------------------------------------------------------------------------
 
 _LINK_SUMS = ("length", "gap", "long", "longer", "energy", "logit", "unseen")
 _TRIANGLE_SUMS = ("area", "width", "logit", "odd", "near", "wide", "wider")

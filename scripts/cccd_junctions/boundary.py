@@ -29,8 +29,6 @@ from cccd.geometry.arrays import AnyArray, offsets_of, ranks_of
 from cccd.geometry.opencv import distance_to_zero
 from cccd.settings.boundaries import BoundarySettings
 
-__all__ = ["KERNEL", "dilation_band", "edge_map", "extract_boundaries", "gradient_ridges", "outline"]
-
 #: Side of the square dilation kernel in pixels (section 4.3).
 KERNEL = 5
 

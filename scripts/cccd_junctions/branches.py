@@ -17,8 +17,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.tolerances import ROUNDING
 from cccd_junctions.columns import Column, FeatureSchema
 
-__all__ = ["SHAPE_COLUMNS", "Branches", "connected_nodes", "find_branches"]
-
 # A branch's direction at a pixel is read off its pixels up to this far away.
 _REACH_PX = 6
 

@@ -15,8 +15,6 @@ from cccd_networks.devices import chosen_device
 from cccd_networks.model_header import foreign, read_header
 from cccd_networks.torch_files import save_content
 
-__all__ = ["load_model", "read_model", "save_model"]
-
 
 def save_model(
     path: str | Path,

@@ -15,8 +15,6 @@ import numpy.typing as npt
 
 from cccd.geometry.arrays import AnyArray
 
-__all__ = ["Column", "FeatureSchema"]
-
 _Number = TypeVar("_Number", np.uint8, np.float32, np.float64)
 
 

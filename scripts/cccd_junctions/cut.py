@@ -9,8 +9,6 @@ import numpy as np
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, RealArray
 
-__all__ = ["minimum_cuts"]
-
 #: Capacities up to this are used up when a minimum cut is sought (energies are of the order of one).
 _FLOW = 1e-9
 

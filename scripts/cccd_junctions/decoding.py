@@ -15,16 +15,6 @@ from cccd.tracing import trace_stack
 from cccd_junctions.boundary import outline
 from cccd_junctions.delaunay import DelaunayGraph, any_corner
 
-__all__ = [
-    "SMALLEST_LOOP_PX",
-    "Outline",
-    "border_loops",
-    "closed_chains",
-    "fill_inside",
-    "fill_loops",
-    "find_outline",
-]
-
 #: Smaller loops, and fragments of fewer pixels, are debris: the loop of eight pixels around one encloses
 #: four.
 SMALLEST_LOOP_PX = 6.0
@@ -35,9 +25,6 @@ _SMALLEST_LOOP_SHARE = 0.005
 # Pixels that a map may have beyond an outline, which is then taken as it is: of 0, 1, 2 and 5 the best on
 # real slices and two synthetic test sets.
 _TIP_PX = 1
-
-
-# Outlines ---------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,9 +56,6 @@ def find_outline(graph: DelaunayGraph) -> Outline:
     around = outline(masks)[0]
     left = np.count_nonzero(observed & ~around)
     return Outline(enclosed, bool(masks.any() and (around <= observed).all() and left <= _TIP_PX))
-
-
-# Loops ------------------------------------------------------------------------------------------------
 
 
 def border_loops(graph: DelaunayGraph, inside: BoolArray) -> list[IntArray]:
@@ -128,9 +112,6 @@ def _following(
         if beyond < 0 or not inside[beyond]:
             return cell, turn
         cell = beyond
-
-
-# Masks and chains -------------------------------------------------------------------------------------
 
 
 def fill_loops(loops: Sequence[Sequence[IntArray]], origin: IntArray, shape: Sequence[int]) -> BoolArray:

@@ -19,8 +19,6 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd_junctions.branches import connected_nodes
 
-__all__ = ["HASHES", "REGION_GAPS_PX", "DelaunayGraph", "any_corner", "build_graph", "pixel_hash"]
-
 IndexArray = npt.NDArray[np.int32]
 DepthArray = npt.NDArray[np.int16]
 

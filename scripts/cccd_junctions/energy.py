@@ -29,17 +29,6 @@ from cccd_junctions.delaunay import DelaunayGraph
 if TYPE_CHECKING:
     from torch import Tensor
 
-__all__ = [
-    "Energy",
-    "EnergyWeights",
-    "Logits",
-    "energy_of_logits",
-    "energy_weights",
-    "inference_energy",
-    "least_energies",
-    "least_energy",
-]
-
 _Numbers = TypeVar("_Numbers", FloatArray, "Tensor")
 
 #: Unary energy of triangles that are held outside, those at the ghost points among them: above all that the

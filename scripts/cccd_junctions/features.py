@@ -20,8 +20,6 @@ from cccd_junctions.columns import Column, FeatureSchema
 from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd_junctions.intensity import BLURS, IntensitySlice, sample_channels
 
-__all__ = ["INTENSITIES", "LINKS", "NODES", "TRIANGLES", "GraphFeatures", "measure_features"]
-
 # Occupancy around a node: half width in samples, step in pixels (and the box that is averaged).
 _SCALES = ((4, 1), (3, 3), (3, 9))
 
@@ -33,9 +31,6 @@ _REGIONAL = (0, 2)
 
 # Around a slice on its raster: more than the farthest sample of a patch and half its box.
 _MARGIN_PX = 40
-
-
-# Columns ----------------------------------------------------------------------------------------------
 
 
 def _patch_parts(half: int, step: int) -> tuple[str, ...]:
@@ -176,9 +171,6 @@ def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> 
     return GraphFeatures(_node_features(graph, places, intensity), links, triangles, branch, group)
 
 
-# Nodes ------------------------------------------------------------------------------------------------
-
-
 @jit
 def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray:
     # samples (N, (2 half + 1)^2) of a raster around places (N, 2), all within it
@@ -220,9 +212,6 @@ def _node_features(graph: DelaunayGraph, places: IntArray, intensity: IntensityS
     nodes = np.zeros((len(graph.points), NODES.width), np.uint8)
     nodes[inner] = NODES.assemble(columns, np.uint8)
     return nodes
-
-
-# Triangles --------------------------------------------------------------------------------------------
 
 
 def _triangle_shapes(graph: DelaunayGraph) -> dict[str, AnyArray]:
@@ -285,9 +274,6 @@ def _regional_intensities(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> 
         deviation = np.sqrt(np.maximum(square - mean**2, 0))
         columns[f"region_{_GAPS[g]}_equalised_spread"] = deviation[region]
     return columns
-
-
-# Links ------------------------------------------------------------------------------------------------
 
 
 def _steps(graph: DelaunayGraph) -> FloatArray:

@@ -40,18 +40,6 @@ from cccd_junctions.delaunay import DelaunayGraph
 from cccd_junctions.features import INTENSITIES, GraphFeatures, measure_features
 from cccd_junctions.intensity import IntensitySlice
 
-__all__ = [
-    "CORNERS",
-    "CORNER_WIDTH",
-    "LINK_POOLS",
-    "PIXEL_LINKS",
-    "PIXEL_MESSAGES",
-    "TRIANGLE_LINKS",
-    "TRIANGLE_MESSAGES",
-    "TRIANGLE_POOLS",
-    "make_data",
-]
-
 #: Types of edges.
 PIXEL_LINKS = ("pixel", "link", "pixel")
 TRIANGLE_LINKS = ("triangle", "link", "triangle")

@@ -9,8 +9,6 @@ from cccd.containers import Boundaries
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import BoolArray, IntArray, owners_of
 
-__all__ = ["isolated_corners", "junction_pixels"]
-
 
 def _neighbours(boundaries: Boundaries) -> IntArray:
     """Index (P, 8) of each boundary pixel's neighbours by Freeman code; -1 where there is none."""

@@ -16,17 +16,6 @@ from cccd_junctions.labelling import Labelled
 from cccd_junctions.observation import ObservedSlice, observe
 from cccd_junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts
 
-__all__ = [
-    "PRIOR",
-    "SLICES_PER_BATCH",
-    "LoopPredictor",
-    "Prediction",
-    "Predictor",
-    "predict_masks",
-    "predict_slices",
-    "read_slices",
-]
-
 #: Slices that a network reads at once. Of 1 to 24 the fastest: they share overheads, and memory is not asked
 #: for again each time.
 SLICES_PER_BATCH = 4

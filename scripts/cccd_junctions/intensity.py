@@ -15,8 +15,6 @@ from cccd.tolerances import CONTRAST
 from cccd_junctions.boundary import gradient_ridges
 from cccd_junctions.delaunay import HASHES, pixel_hash
 
-__all__ = ["BLURS", "IntensitySlice", "image_edges", "normalised_intensity", "sample_channels"]
-
 #: Blurs of the equalised intensity in pixels, and how far to either side of a link each is read.
 BLURS = ((1.0, 1.5), (2.5, 3.5))
 

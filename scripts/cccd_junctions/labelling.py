@@ -14,8 +14,6 @@ from cccd_junctions.energy import Logits, energy_weights, inference_energy, leas
 from cccd_junctions.reranking import shipped_reranker
 from cccd_junctions.uncertainty import areas_between, chance_of_error, doubt_facts
 
-__all__ = ["Labelled", "label_slice"]
-
 # What evidence from elsewhere, by the weights of its inside triangles, adds to the score of an alternative:
 # of 0, 0.01, 0.02, 0.03, 0.05 and 0.1 the best on nine stacks of a development seed.
 _EVIDENCE_SCORE = 0.02

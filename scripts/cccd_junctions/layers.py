@@ -13,8 +13,6 @@ from torch_geometric.nn import MessagePassing
 from cccd_junctions.graph_data import LINK_POOLS, TRIANGLE_LINKS, TRIANGLE_MESSAGES, TRIANGLE_POOLS
 from cccd_junctions.intensity import BLURS
 
-__all__ = ["DirectedLinks", "EquationEleven", "Exchange", "HeadGate", "Incidence", "MessageLayer", "Pools"]
-
 # Mean intensities of a slice that each layer compares with, over what it attends to.
 _VIEWS = 4
 

@@ -16,8 +16,6 @@ from cccd_junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_
 from cccd_junctions.layers import DirectedLinks, EquationEleven, Exchange, HeadGate, Incidence, MessageLayer
 from cccd_junctions.observation import ObservedSlice
 
-__all__ = ["JunctionNetwork"]
-
 # Hidden channels that encode a pixel's surroundings, for each channel of its state.
 _HIDDEN = 6
 

@@ -8,8 +8,6 @@ from cccd.geometry.arrays import AnyArray, RealArray
 from cccd_junctions.delaunay import DelaunayGraph, build_graph
 from cccd_junctions.intensity import IntensitySlice, image_edges, normalised_intensity
 
-__all__ = ["ObservedSlice", "observe"]
-
 
 @dataclass(frozen=True, eq=False)
 class ObservedSlice:

@@ -28,8 +28,6 @@ from cccd_junctions.greedy_chains import isolated_corners, junction_pixels
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_slices
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, listed_from
 
-__all__ = ["DEFAULTS", "count_changes", "order_boundaries", "order_contours", "order_maps", "order_pixels"]
-
 #: What holds where nobody decides.
 DEFAULTS = InferenceSettings()
 

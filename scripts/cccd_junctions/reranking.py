@@ -18,8 +18,6 @@ from cccd.geometry.arrays import RealArray, SingleArray
 from cccd_junctions.alternatives import FEATURES
 from cccd_junctions.uncertainty import FACTS
 
-__all__ = ["Reranker", "shipped_reranker"]
-
 #: The trained weights.
 WEIGHTS = Path(__file__).with_name("reranker.npz")
 #: Their SHA-256: the workflow orders slices again when this file changes, so it must change with them.

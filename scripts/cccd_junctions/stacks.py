@@ -22,9 +22,6 @@ from cccd_junctions.delaunay import DelaunayGraph
 from cccd_junctions.energy import Logits
 from cccd_junctions.labelling import Labelled, label_slice
 
-__all__ = ["ReadSlice", "label_slices", "region_evidence", "without_lone_parts"]
-
-
 # Logits that a triangle gains from neighbouring slices per standard deviation from their outline: of 0.5, 1
 # and 2 as good as any, on stacks of the development seed. Beyond so many deviations it gains no more, or a
 # slice's own map could not say otherwise.

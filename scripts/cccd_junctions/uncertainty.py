@@ -14,16 +14,6 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray, RealArray
 from cccd_junctions.delaunay import DelaunayGraph
 
-__all__ = [
-    "CALIBRATED_WEIGHTS",
-    "FACTS",
-    "LISTED_FROM",
-    "areas_between",
-    "chance_of_error",
-    "doubt_facts",
-    "listed_from",
-]
-
 #: What `doubt_facts` gives, in order.
 FACTS = ("expected change", "size", "score of the cut")
 

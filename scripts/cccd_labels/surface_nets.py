@@ -17,8 +17,8 @@ from itertools import product
 import numpy as np
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, connected_parts
-from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
+from cccd_labels.conforming import ConformingSurface
 
 __all__ = ["Cut", "NodeCost", "split_again", "surface_nets", "well_composed"]
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
-from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
+from cccd_labels.conforming import ConformingSurface
 
 __all__ = ["simplified"]
 

@@ -15,28 +15,18 @@ from scipy.spatial import cKDTree
 from cccd.containers import Frame, Structure
 from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
-from cccd.files.read_meshes import read_mesh
 from cccd.geometry.arrays import IntArray
-from cccd.geometry.booleans import united
-from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import Volume
 from cccd.plugins import find, table
-from cccd.surface.crossing_planes import DrawnPlane, planes_of, surface_through
-from cccd.tolerances import SLICE_DIRECTION
 from cccd_dicom.drawn_contours import assemble_contours, contour_frame
+from cccd_dicom.slices import SLICE_DIRECTION
+from cccd_meshes.booleans import united
+from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
-
-__all__ = [
-    "Mended",
-    "check_overlap",
-    "drawn_planes",
-    "mend",
-    "read_closed_mesh",
-    "structure_of_mesh",
-    "structure_of_planes",
-]
+from cccd_meshes.distance_grid import grid_to_mesh
+from cccd_meshes.read_meshes import read_mesh
 
 #: Vertices this near to each other, as a share of the mesh's diagonal, are one: float32 rounds coarser.
 SAME_SHARE = 1e-6
@@ -269,9 +259,6 @@ def check_overlap(mesh: Mesh, scan: Volume, location: str) -> None:
                 location, f"it lies outside {scan.location}, but not in LPS", "convert it to RAS"
             )
     raise InputError(location, f"it lies outside {scan.location}", "check that both are in mm RAS")
-
-
-# A structure of contours ------------------------------------------------------------------------------
 
 
 def structure_of_mesh(mended: Mended, name: str) -> Structure:

@@ -10,8 +10,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.inputs.readers import guarded
 
-__all__ = ["read_csl"]
-
 
 def read_csl(path: Path) -> list[tuple[FloatArray, list[FloatArray]]]:
     """Read a CSL file: for each plane its unit normal (3,) and its contours (n, 3), in the file's unit.

@@ -2,4 +2,4 @@
 
 API = {"smooth_mesh": "cccd_meshes.smooth.smooth_mesh"}
 
-OPTIONS = {"planes": "cccd_meshes.closed_meshes.drawn_planes"}
+OPTIONS = {"mesh": "cccd_meshes.commands.make_surface_of_mesh"}

@@ -22,8 +22,6 @@ from cccd_meshes.closed_meshes import (
     structure_of_planes,
 )
 
-__all__ = ["smooth_mesh"]
-
 
 @needing("cccd.smooth_mesh")
 @one_thread

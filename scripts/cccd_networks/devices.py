@@ -10,8 +10,6 @@ from cccd.errors import InputError
 if TYPE_CHECKING:
     import torch
 
-__all__ = ["DEVICE", "chosen_device"]
-
 #: Stands in the environment of every job. Like a job's threads it is no input: masks and curves are the same
 #: to rounding on either, so a change makes nothing anew.
 DEVICE = "CCCD_DEVICE"

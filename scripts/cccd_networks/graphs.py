@@ -12,8 +12,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.store import new_file, open_file, read_fields, write_fields
 
-__all__ = ["GraphSplit", "read_graph_facts", "read_graphs", "write_graphs"]
-
 
 @dataclass(frozen=True, eq=False)
 class GraphSplit:

@@ -15,17 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from cccd.errors import InputError
-from cccd.settings.junctions import NetworkSettings
-
-__all__ = [
-    "ModelHeader",
-    "check_model",
-    "check_start",
-    "foreign",
-    "foreign_segmenter",
-    "read_header",
-    "read_segmenter_plan",
-]
+from cccd_networks.settings import NetworkSettings
 
 #: Names of networks in words.
 NAMES = {"ours": "our network", "paper": "the paper's network"}

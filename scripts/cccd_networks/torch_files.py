@@ -12,8 +12,6 @@ import torch
 
 from cccd.store import atomic_path
 
-__all__ = ["save_content"]
-
 
 def save_content(path: Path, content: Mapping[str, Any]) -> None:
     """Write tensors and plain values, compressed, all or nothing."""

@@ -14,8 +14,6 @@ from cccd.geometry.ply import write_ply
 from cccd.inputs.nifti_export import write_nifti
 from cccd.store import atomic_path, read_table
 
-__all__ = ["describe_scan", "gather_tables", "write_scan", "write_truth"]
-
 
 def write_scan(image: str | Path, mask: str | Path, structure: Structure) -> None:
     """Write a scan's grey values (HU, int16) and its mask (uint8) as NIfTI, cropped to the organ."""

@@ -21,8 +21,6 @@ from __future__ import annotations
 
 from cccd_workflow.report.registry import Comparison, Input, Item
 
-__all__ = ["INPUTS", "ITEMS", "SECTIONS"]
-
 #: Keys of the section ``surface`` that no comparison reads: they are about files.
 UNREAD = (
     "surface.formats",
@@ -34,16 +32,16 @@ UNREAD = (
 
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {
-    "structure": Input(("structure.h5",), "cccd.store.read_compared"),
-    "boundaries": Input(("boundaries.h5",), "cccd.store.read_boundaries"),
-    "contours": Input(("contours.h5",), "cccd.store.read_curves"),
-    "curves": Input(("curves.h5",), "cccd.store.read_curves"),
+    "structure": Input(("structure.h5",), "cccd_workflow.stage_files.read_compared"),
+    "boundaries": Input(("boundaries.h5",), "cccd_workflow.stage_files.read_boundaries"),
+    "contours": Input(("contours.h5",), "cccd_workflow.stage_files.read_curves"),
+    "curves": Input(("curves.h5",), "cccd_workflow.stage_files.read_curves"),
     "surface": Input(("surface.h5", "surface.ply"), "cccd.surface.surface.read_surface"),
     "model": Input(("gnn/model.pt",), "cccd_junctions.checkpoint.load_model", shared=True),
     "orderers": Input(
         ("gnn/model.pt",), "cccd_paper.comparisons.orderers.load_orderers", shared=True, optional=True
     ),
-    "splines": Input(("curves.h5",), "cccd.store.read_splines"),
+    "splines": Input(("curves.h5",), "cccd_workflow.stage_files.read_splines"),
     "paper_orderer": Input(
         ("workflow/models/paper.pt",), "cccd_paper.comparisons.algorithm_1.load_paper_orderer", project=True
     ),
@@ -59,8 +57,6 @@ SECTIONS = {
     ),
     "experiments": ("Further comparisons", ""),
 }
-
-# The experiments on each structure ----------------------------------------------------------------------
 
 CORNERS = Comparison(
     "corners",
@@ -221,8 +217,6 @@ ALGORITHM_1 = Comparison(
     memory_mb=(3000, 40),
     of="structures",
 )
-
-# The items, in the page's order -------------------------------------------------------------------------
 
 _TABLES, _PLOTS = "cccd_paper.comparisons.paper_tables.", "cccd_paper.figures.items."
 

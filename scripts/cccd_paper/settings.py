@@ -8,14 +8,6 @@ from pydantic import AfterValidator, Field
 
 from cccd.settings.section import Section, setting, without_repeats
 
-__all__ = [
-    "ComparisonSettings",
-    "CornerSurfaceSettings",
-    "IsosurfaceSettings",
-    "SliceChoice",
-    "ThickSliceSettings",
-]
-
 _Method = Literal[
     "marching cubes",
     "flying edges + windowed sinc",

@@ -16,8 +16,6 @@ from cccd.inputs.row_files import read_image
 from cccd_networks.devices import DEVICE
 from cccd_segmentation.segment import find_segmenter, segment, write_labels
 
-__all__ = ["add_segment"]
-
 
 def add_segment(command: argparse.ArgumentParser) -> None:
     """Find an organ with a trained network.

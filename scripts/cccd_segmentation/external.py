@@ -21,8 +21,6 @@ from cccd.inputs.readers import read_volume
 from cccd_networks.devices import DEVICE
 from cccd_segmentation.settings import is_installed_segmenter
 
-__all__ = ["TOTALSEGMENTATOR", "run_external", "total_names"]
-
 _SIDES = ("left", "right")
 _PAIRED = (
     "kidney", "adrenal_gland", "kidney_cyst", "iliac_artery", "iliac_vena", "humerus", "scapula", "clavicula",

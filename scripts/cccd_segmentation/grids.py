@@ -14,8 +14,6 @@ from torch import Tensor
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd_segmentation.plan import Plan, spacing_of
 
-__all__ = ["WorkingGrid"]
-
 #: Spacings that differ by less are the same: no scan is resampled for so little.
 _SAME_SPACING = 0.02
 

@@ -19,8 +19,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, SingleArray
 from cccd_segmentation.seeds import Seed
 
-__all__ = ["GrownRegion", "grow_region"]
-
 #: Voxels that are looked at: finer scans are averaged over blocks first. Twice as many took twice as long on
 #: phantoms, and the region's Dice gained 0.004.
 _MOST_VOXELS = 800_000
@@ -168,9 +166,6 @@ def _check_grown(grown: GrownRegion, seed: Seed, tissue: _Tissue, location: str)
         raise InputError(location, problem, "give a voxel within the organ")
 
 
-# The grid ---------------------------------------------------------------------------------------------
-
-
 def _blocks(shape: tuple[int, ...], spacing: FloatArray) -> AnyArray:
     """Voxels (3,) of a block, about cubic, so that few enough blocks are left."""
     every = np.ones(3, int)
@@ -209,9 +204,6 @@ def _seeded(seed: Seed, every: AnyArray, shape: tuple[int, ...], size: FloatArra
 
 def _is_voxel(seed: Seed) -> bool:
     return all(b == a + 1 for a, b in zip(seed.first, seed.end, strict=True))
-
-
-# Tissue -----------------------------------------------------------------------------------------------
 
 
 def _smoothed(image: SingleArray) -> SingleArray:
@@ -323,9 +315,6 @@ def _neck(inner: FloatArray, alike: BoolArray, chosen: BoolArray) -> float:
     there = np.bincount(labels[chosen & alike], minlength=count + 1)
     depth = inner[labels == there.argmax()].max() if there.any() else 0.0
     return float(min(_NECK_SHARE * depth, inner[chosen & alike].max(initial=0.0) / 2))
-
-
-# Shape ------------------------------------------------------------------------------------------------
 
 
 def _distance_to(mask: BoolArray, size: FloatArray) -> FloatArray:

@@ -16,8 +16,6 @@ from cccd.inputs.grid import Volume
 from cccd_segmentation.grids import WorkingGrid
 from cccd_segmentation.plan import Plan
 
-__all__ = ["device_of", "labels_of", "predict", "probabilities"]
-
 #: Share of a window that neighbouring windows have in common, as in nnU-Net.
 _OVERLAP = 0.5
 #: Windows that go through a network at once; on a GPU fewer where its free memory is too small.

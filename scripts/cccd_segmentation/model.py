@@ -14,8 +14,6 @@ from cccd_networks.torch_files import save_content
 from cccd_segmentation.networks import build
 from cccd_segmentation.plan import Plan
 
-__all__ = ["Segmenter", "load_segmenter", "save_segmenter"]
-
 #: A network that is ready for use, and how to use it.
 Segmenter = tuple[nn.Module, Plan]
 

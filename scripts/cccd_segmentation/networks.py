@@ -13,8 +13,6 @@ from cccd.plugins import find, table
 if TYPE_CHECKING:  # the workflow reads this module each time it starts
     from torch import nn
 
-__all__ = ["NETWORKS", "Network", "build", "networks", "parameters"]
-
 
 @dataclass(frozen=True)
 class Network:

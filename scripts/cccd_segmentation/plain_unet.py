@@ -5,8 +5,6 @@ from __future__ import annotations
 from monai.networks.nets.dynunet import DynUNet
 from torch import Tensor, nn
 
-__all__ = ["PlainUNet"]
-
 
 class PlainUNet(nn.Module):
     """The plain 3D U-Net of nnU-Net (Isensee et al. 2021), MONAI's ``DynUNet``.

@@ -13,8 +13,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray, SingleArray
 from cccd.inputs.grid import Volume, find_slice_axis
 
-__all__ = ["Intensity", "Plan", "looks_like_ct", "make_intensity", "orientation_of", "spacing_of"]
-
 #: Air in HU, or nearly: grey values that no MR image has.
 _AIR_HU = -300.0
 

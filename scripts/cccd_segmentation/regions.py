@@ -16,8 +16,6 @@ from cccd.settings.imports import ImportSettings, RegionSettings
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import parse_seeds
 
-__all__ = ["by_seed", "by_stripping", "by_threshold", "find_region"]
-
 #: A mask, and how it was found, for provenance.
 Found: TypeAlias = tuple[Volume, dict[str, Any]]
 

@@ -10,8 +10,6 @@ from typing import NamedTuple
 
 from cccd.errors import InputError
 
-__all__ = ["SEED_FORM", "Seed", "parse_seeds"]
-
 #: What a seed looks like, for messages.
 SEED_FORM = "a voxel 120,88,40 or a box 110:130,80:96,38:42; several separated by semicolons"
 

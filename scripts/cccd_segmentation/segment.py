@@ -20,8 +20,6 @@ from cccd_networks.model_header import read_segmenter_plan
 from cccd_segmentation.external import run_external
 from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 
-__all__ = ["Segmentation", "find_segmenter", "segment", "write_labels", "write_segmentation"]
-
 logger = logging.getLogger(__name__)
 
 

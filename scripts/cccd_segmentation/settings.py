@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["INSTALLED_SEGMENTERS", "SECTION", "SegmentationSettings", "is_installed_segmenter"]
-
 #: Segmenters that are called by their own commands, where they are installed.
 INSTALLED_SEGMENTERS = ("totalsegmentator", "nnunetv2:FOLDER")
 

@@ -28,10 +28,6 @@ from cccd_shapes.statistics import distances_to_others, principal_modes
 from cccd_shapes.subjects import Subject, fingerprint
 from cccd_shapes.template import Template, control_mesh_of
 
-__all__ = [
-    "Cohort", "aligned", "first_template", "fit_cohort", "fit_subject", "problem_of", "read_fit", "write_fit",
-]  # fmt: skip
-
 #: Points at which distances to surfaces are compared, within so many radii of the middle.
 PROBES, PROBED = 400, 1.5
 #: Triangles that are enough for that.
@@ -228,9 +224,6 @@ def _unlike(fits: Sequence[Fit], template: Template, problems: list[str]) -> lis
     said = [f"{away:.3g} mm (rms) from all mixtures of the others, which are {usual:.3g}" for away in off]
     far = off > usual + UNLIKE * spread
     return ["; ".join([p] * bool(p) + [s] * bool(f)) for p, s, f in zip(problems, said, far, strict=True)]
-
-
-# One file for each fit --------------------------------------------------------------------------------
 
 
 def _kept_fit(template: Template, before: Fit | None, subject: Subject, folder: Path) -> Fit:

@@ -18,8 +18,6 @@ from cccd_shapes.model import PERMUTATIONS, describe
 from cccd_shapes.series import time_basis
 from cccd_shapes.subjects import read_sheet, read_subject
 
-__all__ = ["add_shapes"]
-
 #: The least that options may be.
 LEAST = {"points": 50, "permutations": 19, "processes": 1, "tolerance": 1e-3, "period": 1e-6}
 

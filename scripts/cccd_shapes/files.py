@@ -26,8 +26,6 @@ from cccd_viewers.page_files import View
 from cccd_viewers.viewer import packed, surface_figure
 from cccd_workflow.report.templates import shared_facts, write_page
 
-__all__ = ["write_fits", "write_groups", "write_model", "write_scores", "write_series", "write_subjects"]
-
 #: Modes that are drawn: those of this share of the variance, at most so many; at which standard deviations.
 SHOWN_SHARE, SHOWN_MOST, SHOWN_AT = 0.95, 10, (-2, -1, 1, 2)
 

@@ -25,8 +25,6 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.spline_fit import SAMPLED, SplineFit, Target
 from cccd_shapes.template import Template
 
-__all__ = ["Fit", "Goal", "centroid", "fit_points", "fit_template", "similarity", "surface_rms"]
-
 #: Triangles of a subject's mesh that are used at most.
 MOST_TRIANGLES = 40_000
 #: Lengths, as shares of the organ's radius, over which the modes may bend; rounds at each.

@@ -8,14 +8,12 @@ from typing import Any
 
 import numpy as np
 
-from cccd.console import joined_warnings
 from cccd.store import write_json
+from cccd_labels.progress import joined_warnings
 from cccd_shapes import FEWEST, files
 from cccd_shapes.cohort import Cohort, aligned
 from cccd_shapes.series import fit_series
 from cccd_shapes.statistics import compare_groups, principal_modes
-
-__all__ = ["PERMUTATIONS", "describe"]
 
 #: Permutations of who is of which group: p values down to .0005.
 PERMUTATIONS = 1999

@@ -14,8 +14,6 @@ from cccd_shapes.cohort import Cohort, problem_of
 from cccd_shapes.fit import Fit, Goal, fit_points, surface_rms
 from cccd_shapes.template import Template
 
-__all__ = ["Series", "fit_series", "time_basis"]
-
 #: Degree in time; frames for each coefficient; fewest frames; condition number above which there are fewer
 #: coefficients, as frames leave gaps.
 DEGREE, FRAMES, FEWEST_FRAMES, DETERMINED = 3, 2, 6, 30.0

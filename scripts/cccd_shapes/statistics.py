@@ -16,10 +16,6 @@ from scipy.spatial.distance import cdist
 
 from cccd.geometry.arrays import FloatArray, IntArray
 
-__all__ = [
-    "GroupTest", "ShapeModel", "compare_groups", "distances_to_others", "measure_model", "principal_modes",
-]  # fmt: skip
-
 #: Modes whose variance is less than this share of the first one's are rounding.
 NOTHING = 1e-9
 #: Shapes that are drawn for the specificity; modes that are measured at most.

@@ -14,15 +14,13 @@ import numpy as np
 from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files.read_meshes import is_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.store import read_band, read_report, read_surface_frame
 from cccd.surface.surface import read_surface, write_files
 from cccd_meshes.closed_meshes import read_closed_mesh
+from cccd_meshes.read_meshes import is_mesh
 from cccd_shapes import FEWEST
 from cccd_workflow.sheet import read_rows
-
-__all__ = ["MIRROR", "Row", "Subject", "fingerprint", "read_sheet", "read_subject", "read_surfaces"]
 
 #: Columns that a sheet may have.
 COLUMNS = ("name", "surface", "mask", "label", "mirrored", "group", "time")

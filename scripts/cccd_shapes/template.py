@@ -17,8 +17,6 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.control_mesh import control_mesh
 from cccd.surface.spline_fit import Target, fit_spline
 
-__all__ = ["Template", "control_mesh_of"]
-
 #: Smooth modes, three of which (one for each axis) move the surface as one.
 MODES = 100
 #: Shift of the eigenvalues, as a share of the first one on a sphere: the matrix itself is singular.

@@ -11,8 +11,6 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Body", "nest_pieces", "split_bodies"]
-
 
 @dataclass(frozen=True)
 class Body:

@@ -26,8 +26,6 @@ from cccd_solids.kernel import Part, check_solid, make_solid, require_kernel, wr
 from cccd_solids.shells import Shell, facets_within, measure_deviation
 from cccd_solids.spline_shell import SplineShell, spline_shell_of
 
-__all__ = ["Solids", "build_solids", "write_organs", "write_solids"]
-
 #: Percentiles from other samples of the same surfaces differ by up to this factor.
 SAMPLED = 1.25
 

@@ -9,8 +9,6 @@ from cccd.files.write import ExportOptions
 from cccd.surface.surface import LoftedSurface
 from cccd_solids.build import build_solids, write_solids
 
-__all__ = ["write"]
-
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Write the surface's bodies as solids in mm RAS, a product for each; the suffix chooses the format."""

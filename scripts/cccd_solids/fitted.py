@@ -10,8 +10,6 @@ from cccd.surface.control_mesh import control_mesh
 from cccd.surface.spline_fit import Target, fit_spline
 from cccd_solids.shells import follows
 
-__all__ = ["fit_within"]
-
 #: The spline is fitted to planes at a mesh's vertices, so its triangles are split until they are about as
 #: short as this many tolerances, or until there are this many of them.
 EDGE_TOLERANCES, SPLIT_TO = 2.0, 50_000

@@ -25,22 +25,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.settings.formats import COLOUR
 from cccd_solids.step_points import share_points
 
-__all__ = [
-    "Bound",
-    "Checked",
-    "Curve",
-    "Part",
-    "PlanarFace",
-    "SplineFace",
-    "check_solid",
-    "facet_shell",
-    "make_solid",
-    "read_solid_mesh",
-    "require_kernel",
-    "spline_shell",
-    "write_parts",
-]
-
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
 PRECISION_MM = 1e-6
 
@@ -78,9 +62,6 @@ def require_kernel(path: str | Path) -> None:
     with needing(str(path), "cad"):
         message = importlib.import_module("OCP.Message")
     message.Message.DefaultMessenger_s().ChangePrinters().Clear()  # it would print statistics of every file
-
-
-# Shells -----------------------------------------------------------------------------------------------
 
 
 def facet_shell(mesh: Mesh) -> Any:
@@ -276,9 +257,6 @@ def _bound(build: Any, edge: Any, first: Any, last: Any, end: float) -> None:
     build.Range(edge, 0.0, float(end))
 
 
-# Solids -----------------------------------------------------------------------------------------------
-
-
 def make_solid(shells: Sequence[Any]) -> Any:
     """Make one ``TopoDS_Solid`` of an outer shell and those of its cavities."""
     from OCP import BRep, TopoDS
@@ -323,9 +301,6 @@ def count_shapes(shape: Any, kind: Any) -> int:
         count += 1
         explorer.Next()
     return count
-
-
-# Files ------------------------------------------------------------------------------------------------
 
 
 def write_parts(path: Path, parts: Sequence[Part], form: str) -> None:

@@ -20,8 +20,6 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.subdivision import SHARP, ControlMesh, Sampler, quad_edges
 from cccd.tolerances import TINY
 
-__all__ = ["HalfEdges", "LimitPatches", "bernstein", "settled"]
-
 #: Where, along an edge, the normals of its two patches shall agree.
 AGREEING_AT = np.linspace(0, 1, 7)[1:-1]
 #: What it costs to move inner points: one radian of a jump weighs as much as a move by so many chords.

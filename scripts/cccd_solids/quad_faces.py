@@ -18,8 +18,6 @@ from cccd.geometry.subdivision import ControlMesh
 from cccd.tolerances import ROUNDING
 from cccd_solids.limit_patches import HalfEdges
 
-__all__ = ["QuadFaces", "flattened"]
-
 #: Regions that lie this near to a plane, in edges of theirs, are moved there: control points are rounded.
 NEARLY_FLAT = 2e-3
 

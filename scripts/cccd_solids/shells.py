@@ -13,8 +13,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.tolerances import SOLID_VOLUME
 from cccd_solids.kernel import facet_shell
 
-__all__ = ["Deviation", "Facets", "Shell", "facets_within", "follows", "measure_deviation"]
-
 #: Facets are tried with this share of them, again and again.
 FEWER = 0.7
 

@@ -15,8 +15,6 @@ from cccd_solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shel
 from cccd_solids.limit_patches import LimitPatches, settled
 from cccd_solids.quad_faces import QuadFaces, flattened
 
-__all__ = ["SplineShell", "grid_ids", "spline_shell_of"]
-
 #: Control points are rounded to this many mm: it takes a third off a STEP file.
 STEP_MM = 1e-5
 #: Samples along an edge of a patch for its triangles.

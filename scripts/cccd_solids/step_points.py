@@ -5,8 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-__all__ = ["share_points"]
-
 _POINT = re.compile(r"#(\d+) = CARTESIAN_POINT\('',(\([^)]*\))\);\n")
 _REFERENCE = re.compile(r"#(\d+)")
 

@@ -17,8 +17,6 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["write"]
-
 #: USD's colours are linear; ours are sRGB.
 GAMMA = 2.2
 

@@ -15,8 +15,6 @@ from cccd_tetrahedra.filling import TetrahedralMesh, fill_organs, sizes_in_mm
 from cccd_tetrahedra.materials import assign_materials, check_materials
 from cccd_tetrahedra.quality import measure_tetrahedra, warnings_of
 
-__all__ = ["fill_and_measure"]
-
 
 def fill_and_measure(
     organs: Mapping[str, Mesh],

@@ -10,8 +10,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 from cccd_tetrahedra.shapes import radius_ratios, signed_volumes
 
-__all__ = ["balance_chords", "unspoiled"]
-
 #: A tetrahedron keeps at least this share of its radius ratio; otherwise its vertices stay.
 LEAST_SHARE = 0.7
 

@@ -13,8 +13,6 @@ from cccd_tetrahedra.materials import read_table
 if TYPE_CHECKING:
     from cccd.settings.root import Settings
 
-__all__ = ["with_materials"]
-
 
 def with_materials(settings: Settings, given: argparse.Namespace) -> Settings:
     """Return settings with the table that was named, provided that something is made of it."""

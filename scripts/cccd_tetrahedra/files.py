@@ -16,8 +16,6 @@ from cccd.surface.surface import LoftedSurface
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.filling import TetrahedralMesh
 
-__all__ = ["WRITERS", "write"]
-
 #: Written wherever a format has room for text.
 _HEAD = "CCCD tetrahedra; unit mm; space RAS"
 

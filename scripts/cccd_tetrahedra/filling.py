@@ -24,8 +24,6 @@ from cccd_tetrahedra.own_process import call
 from cccd_tetrahedra.quadratic import FACE_EDGES, curve_edges, quadratic_volumes
 from cccd_tetrahedra.shapes import FACES, signed_volumes
 
-__all__ = ["Materials", "TetrahedralMesh", "fill_organs", "sizes_in_mm"]
-
 #: Without a number of the user's, edges are at most this share of the box's diagonal, as in fTetWild, ...
 EDGE_SHARE = 1 / 20
 #: ... and faces lie at most this share away from the surface: half a millimetre for a brain.
@@ -312,9 +310,6 @@ def _least(inside: BoolArray, organs: Mapping[str, Mesh]) -> IntArray:
     volumes = np.array([mesh.volume for mesh in organs.values()])
     chosen = np.where(inside, volumes, np.inf).argmin(axis=1)
     return np.where(inside.any(axis=1), chosen, -1)
-
-
-# Boundaries -------------------------------------------------------------------------------------------
 
 
 def _bounding_sides(tetrahedra: IntArray, regions: IntArray) -> tuple[IntArray, IntArray]:

@@ -18,8 +18,6 @@ from cccd.geometry.arrays import FloatArray
 from cccd.inputs.grid import Volume
 from cccd_tetrahedra.filling import Materials, TetrahedralMesh
 
-__all__ = ["Row", "assign_materials", "bin_materials", "check_materials", "mean_grey_values", "read_table"]
-
 #: Points along an edge at which the scan is sampled, at most: 512 in a tetrahedron.
 MOST_ALONG = 8
 
@@ -57,9 +55,6 @@ class Row:
     poisson: float
     density_per_hu: float = 0.0
     young_power: float = 0.0
-
-
-# The table --------------------------------------------------------------------------------------------
 
 
 def read_table(path: str | Path) -> list[Row]:
@@ -137,9 +132,6 @@ def _row(line: Mapping[str, Any], location: str) -> Row:
     if not -1 < row.poisson < 0.5:
         raise InputError(location, f"poisson is {row.poisson:g}", "give a number above -1 and below 0.5")
     return row
-
-
-# From the scan to the elements -----------------------------------------------------------------------
 
 
 def mean_grey_values(corners: FloatArray, scan: Volume) -> FloatArray:

@@ -9,8 +9,6 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["call"]
-
 
 def call(function: Callable[..., Any], **arguments: object) -> Any:
     """Return what the function of a library does; whatever ends this process ends the call."""

@@ -16,8 +16,6 @@ from cccd.tolerances import TINY
 from cccd_tetrahedra.chords import unspoiled
 from cccd_tetrahedra.shapes import signed_volumes
 
-__all__ = ["EDGES", "FACE_EDGES", "Curved", "curve_edges", "jacobian_bounds", "quadratic_volumes"]
-
 #: Edges of a tetrahedron in the order of their middle nodes in VTK, Abaqus, CalculiX and FEBio.
 EDGES = np.array([(0, 1), (1, 2), (2, 0), (0, 3), (1, 3), (2, 3)])
 
@@ -194,9 +192,6 @@ def _sharp_edges(vertices: FloatArray, triangles: IntArray, sides: IntArray) -> 
         cosine = np.abs(np.einsum("ec,ec->e", normals[face[:-apart]], normals[face[apart:]]))
         sharp[edge[first[same & (cosine < np.cos(np.radians(SHARP_DEG)))]]] = True
     return sharp
-
-
-# The Jacobian -----------------------------------------------------------------------------------------
 
 
 def _powers() -> IntArray:

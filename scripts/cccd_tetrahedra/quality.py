@@ -14,8 +14,6 @@ from cccd_tetrahedra.filling import TetrahedralMesh
 from cccd_tetrahedra.quadratic import jacobian_bounds
 from cccd_tetrahedra.shapes import dihedral_angles, radius_ratios, scaled_jacobians
 
-__all__ = ["measure_tetrahedra", "warnings_of"]
-
 #: A tetrahedron with an angle below this makes a solver's equations badly conditioned (Shewchuk 2002).
 LEAST_DIHEDRAL_DEG = 5.0
 

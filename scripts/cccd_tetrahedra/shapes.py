@@ -8,8 +8,6 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["FACES", "dihedral_angles", "radius_ratios", "scaled_jacobians", "signed_volumes"]
-
 #: Corners of a tetrahedron's faces, counter-clockwise seen from outside, in the order of Abaqus' S1 to S4.
 FACES = np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)])
 

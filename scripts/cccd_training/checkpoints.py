@@ -12,8 +12,6 @@ import torch
 
 from cccd_networks.torch_files import save_content
 
-__all__ = ["Checkpoints"]
-
 logger = logging.getLogger(__name__)
 
 # How many checkpoints are kept: the newest may be torn.

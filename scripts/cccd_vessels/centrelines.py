@@ -26,8 +26,6 @@ from cccd.geometry.thickness import Lines, wall_thickness
 from cccd_vessels.sections import Section, Slicer
 from cccd_vessels.skeleton import Line, degrees, skeleton_lines, without_shortest, without_spurs
 
-__all__ = ["Branch", "Centrelines", "find_centrelines"]
-
 #: Voxels that are thinned, per voxel of the scan ...
 _PER_VOXEL = 2
 #: ... and, of a mesh without a scan, per thickness that 98 % of its surface reach.
@@ -205,9 +203,6 @@ def find_centrelines(
         loops = f"{found.loops} loop{'s' * (found.loops > 1)}"
         notes.append(f"the centrelines close {loops}: a tree has none. Check the mask there")
     return Centrelines(found.branches, tuple(notes))
-
-
-# One round --------------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -403,9 +398,6 @@ def _forks(moved: Sequence[_Moved], mesh: Mesh) -> dict[int, FloatArray]:
         away = float(np.linalg.norm(meeting - old))
         forks[node] = meeting if away <= _FORK_REACH * wide else old
     return forks
-
-
-# The tree ---------------------------------------------------------------------------------------------
 
 
 def _tubes(moved: Sequence[_Moved], location: str) -> list[list[_Moved]]:

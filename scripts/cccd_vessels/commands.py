@@ -15,8 +15,8 @@ import cccd
 from cccd.commands.outputs import check_files, plain_stem
 from cccd.console import clock, millilitres
 from cccd.errors import InputError
-from cccd.files.read_meshes import is_mesh
 from cccd_meshes.closed_meshes import read_closed_mesh
+from cccd_meshes.read_meshes import is_mesh
 from cccd_vessels.centrelines import find_centrelines
 from cccd_vessels.ends import clear_ends, find_ends, opened
 from cccd_vessels.files import check_suffix, describe, write_centrelines
@@ -25,8 +25,6 @@ from cccd_vessels.named import check_named, write_named
 
 if TYPE_CHECKING:
     from cccd.geometry.mesh import Mesh
-
-__all__ = ["add_centrelines", "add_hollow", "add_lumen"]
 
 
 def _add_tube(command: argparse.ArgumentParser) -> None:

@@ -18,8 +18,6 @@ from cccd_vessels.centrelines import Centrelines
 from cccd_vessels.named import NamedMesh
 from cccd_vessels.sections import Section, Slicer, across
 
-__all__ = ["End", "clear_ends", "find_ends", "opened"]
-
 #: Vertices keep this share of an edge away from the plane: nearer ones would make slivers along the rim.
 _CLEAR = 0.15
 
@@ -177,9 +175,6 @@ def opened(layers: Sequence[tuple[Mesh, str]], ends: Sequence[End], location: st
     return NamedMesh(whole.compact(), np.repeat(np.arange(len(counts)), counts), names)
 
 
-# Cutting ----------------------------------------------------------------------------------------------
-
-
 def _cut_off(mesh: Mesh, end: End, required: bool, location: str) -> tuple[Mesh, IntArray]:
     """Cut off what lies beyond an end's plane; the rest, and the vertices along its rim."""
     # The rest keeps the numbers of its vertices, so that earlier rims stay as they are.
@@ -284,9 +279,6 @@ def _rim(mesh: Mesh, first: int) -> IntArray | None:
     while (n := following.get(rim[-1])) is not None and n != rim[0]:
         rim.append(n)
     return np.array(rim, np.int64) if len(rim) == len(following) else None
-
-
-# Caps -------------------------------------------------------------------------------------------------
 
 
 def _cap(vertices: FloatArray, rims: Sequence[IntArray], outward: FloatArray) -> tuple[FloatArray, IntArray]:

@@ -17,8 +17,6 @@ from cccd_vessels.centrelines import Branch, Centrelines
 if TYPE_CHECKING:
     import pyvista
 
-__all__ = ["SUFFIXES", "check_suffix", "describe", "vtp_text", "write_centrelines"]
-
 #: Structure identifier of SWC samples: the format's 1 to 4 are parts of neurons.
 _SWC_UNDEFINED = 0
 

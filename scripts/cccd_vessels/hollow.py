@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.geometry.distance import grid_to_mesh
 from cccd.geometry.mesh import Mesh
-
-__all__ = ["hollow_wall", "moved_surface"]
+from cccd_meshes.distance_grid import grid_to_mesh
 
 #: Grid steps per thickness: the surface at a distance is within 1 % of the thickness where it is that round.
 _STEPS = 4

@@ -19,8 +19,6 @@ from cccd_tetrahedra.files import WRITERS as TETRAHEDRA
 from cccd_tetrahedra.filling import TetrahedralMesh, fill_organs
 from cccd_vessels.files import vtp_text
 
-__all__ = ["NamedMesh", "check_named", "write_named"]
-
 
 @dataclass(frozen=True, eq=False)
 class NamedMesh:

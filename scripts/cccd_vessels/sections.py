@@ -11,8 +11,6 @@ from cccd.geometry.arrays import FloatArray, IntArray, connected_parts, offsets_
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Section", "Slicer", "across"]
-
 #: Directions in which the width of a section is measured: a width is within 0.1 % of the extreme one.
 _DIRECTIONS = 36
 

@@ -16,8 +16,6 @@ from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 
-__all__ = ["Line", "degrees", "skeleton_lines", "without_shortest", "without_spurs"]
-
 #: Voxels of the grid that is thinned at most: thinning takes about a second for each 2 million.
 _MOST_VOXELS = 40e6
 

@@ -14,8 +14,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["affine_of_layer", "get_reader", "make_surface"]
-
 #: What napari makes a layer of: data, its arguments, its kind.
 LayerData = tuple[Any, dict[str, Any], str]
 
@@ -127,7 +125,7 @@ def affine_of_layer(layer: Any) -> FloatArray:
 
 def get_reader(path: str | list[str]) -> Callable[[Any], list[LayerData]] | None:
     """Give napari a reader of surfaces, for files that have one."""
-    from cccd.files.read_meshes import is_mesh
+    from cccd_meshes.read_meshes import is_mesh
 
     paths = [path] if isinstance(path, str) else path
     return read_surfaces if all(is_mesh(Path(one)) for one in paths) else None
@@ -135,7 +133,7 @@ def get_reader(path: str | list[str]) -> Callable[[Any], list[LayerData]] | None
 
 def read_surfaces(path: str | list[str]) -> list[LayerData]:
     """Read files of surfaces; their x, y and z are the axes 2, 1 and 0, as in images that napari opens."""
-    from cccd.files.read_meshes import read_mesh
+    from cccd_meshes.read_meshes import read_mesh
 
     layers: list[LayerData] = []
     for one in [path] if isinstance(path, str) else path:

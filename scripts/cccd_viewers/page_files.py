@@ -13,8 +13,6 @@ from cccd.containers import Curves
 from cccd.geometry.mesh import Mesh
 from cccd.store import new_file, open_file, read_fields, read_value, write_fields
 
-__all__ = ["Panel", "SliceFigure", "View", "read_figure", "read_view", "write_figures", "write_view"]
-
 
 @dataclass(frozen=True)
 class Panel:

@@ -13,8 +13,6 @@ from cccd.api import Surface, reconstruct
 from cccd.errors import InputError
 from cccd.settings.root import Settings
 
-__all__ = ["ImageAccessor"]
-
 
 @pv.register_dataset_accessor("cccd", pv.ImageData)
 class ImageAccessor:

@@ -16,8 +16,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-__all__ = ["DrawnLabels", "draw_region"]
-
 
 class DrawnLabels(NamedTuple):
     """Labels to be drawn in colours."""

@@ -20,8 +20,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, quad_edges
 from cccd_viewers.page_files import View
 
-__all__ = ["case_figure", "colour_limit", "colour_stops", "deflate", "packed", "surface_figure"]
-
 #: Brewer's RdBu, PuOr and YlOrRd, distinct with any colour vision: reading them from Matplotlib takes .5 s.
 _COLOURS = {
     "distance": "0530612166ac4393c392c5ded1e5f0f7f7f7fddbc7f4a582d6604db2182b67001f",

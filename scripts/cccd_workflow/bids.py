@@ -10,8 +10,6 @@ from pathlib import Path
 from cccd.errors import InputError, choices
 from cccd.inputs.labels import plain_name
 
-__all__ = ["find_structures", "write_sheet"]
-
 #: Suffixes of BIDS derivatives that are masks, and of label maps.
 _MASK, _LABELS = "mask", "dseg"
 

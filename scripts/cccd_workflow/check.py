@@ -27,8 +27,6 @@ from cccd_labels.label_survey import SurveyedLabel, measure_labels, survey_label
 from cccd_viewers.regions import DrawnLabels, draw_region
 from cccd_workflow.cohort import read_cohort
 
-__all__ = ["add_check"]
-
 #: What nibabel's letters of the axes stand for.
 _TOWARDS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
 

@@ -17,15 +17,14 @@ import yaml
 
 from cccd.errors import InputError, choices, nearest
 from cccd.project import PROJECT
-from cccd.request import IMAGES_ALONE
 from cccd_segmentation.seeds import parse_seeds
 from cccd_workflow.sheet import read_rows
-
-__all__ = ["SCHEMA", "brings_maps", "naming_row", "read_cohort"]
 
 #: The sheet's columns, their defaults and what they may hold.
 SCHEMA = PROJECT / "workflow" / "schemas" / "cohort.schema.yaml"
 
+#: Sources of an image alone, in which the organ is found; the mask that they bring is ground truth only.
+IMAGES_ALONE = ("mni152_scan", "mni152_head", "phantom_scan")
 _FROM_FILES = ("files", "lits17", "rider_lung", "upenn_gbm", "msd")
 #: Sources whose boundary pixels need ordering.
 _UNORDERED = (*IMAGES_ALONE, "damaged_phantom")

@@ -1,4 +1,4 @@
-"""The commands ``cccd compare``, ``run`` and ``report``."""
+"""The commands ``cccd compare``, ``run``, ``report``, ``export`` and ``next``."""
 
 from __future__ import annotations
 
@@ -8,11 +8,10 @@ import os
 import sys
 from pathlib import Path
 
+from cccd.commands.arguments import add_band, add_input, read_given
 from cccd.commands.outputs import check_files
 from cccd.errors import InputError
 from cccd.store import check_writable
-
-__all__ = ["add_compare", "add_report", "add_run"]
 
 
 def add_compare(command: argparse.ArgumentParser) -> None:
@@ -71,6 +70,17 @@ def add_run(command: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_run)
 
 
+def add_export(command: argparse.ArgumentParser) -> None:
+    """Write a finished structure of the workflow in another format."""
+    command.add_argument("input", type=Path, help="folder of a finished structure: results/CASE/ORGAN")
+    command.add_argument(
+        "-o", "--output", type=Path, action="append", required=True, metavar="FILE",
+        help="output file, repeatable; the suffix chooses the format, as in cccd surface",
+    )  # fmt: skip
+    add_band(command)
+    command.set_defaults(run=_export)
+
+
 def add_report(command: argparse.ArgumentParser) -> None:
     """Build the report of all finished structures again."""
     command.add_argument(
@@ -84,6 +94,12 @@ def add_report(command: argparse.ArgumentParser) -> None:
         "-o", "--output", type=Path, metavar="HTML", help="the page; default: report.html in that folder"
     )
     command.set_defaults(run=_report)
+
+
+def add_next(command: argparse.ArgumentParser) -> None:
+    """Name the slice in the middle of the widest gap of a partly annotated mask."""
+    add_input(command)
+    command.set_defaults(run=_next)
 
 
 def _compare(given: argparse.Namespace) -> int:
@@ -159,4 +175,47 @@ def _report(given: argparse.Namespace) -> int:
     templates = PROJECT / "workflow" / "report"
     build_report_of_finished(given.input, whole_settings()().as_config(), output, templates)
     print(output)
+    return 0
+
+
+def _export(given: argparse.Namespace) -> int:
+    from cccd.commands.outputs import check_outputs, with_name
+    from cccd.files.write import ExportOptions, write_surface
+    from cccd.store import read_drawn
+    from cccd.surface.surface import read_surface
+
+    folder = given.input.parent if given.input.is_file() else given.input  # a file of it will do
+    splines, mesh = folder / "surface.h5", folder / "surface.ply"
+    for path in (splines, mesh):
+        if not path.is_file():
+            raise InputError(
+                str(path), "not there", "give the folder of a finished structure: results/CASE/ORGAN"
+            )
+    check_outputs(given.output, [mesh])
+    surface, structure = read_surface(splines, mesh), folder / "structure.h5"
+    drawn = read_drawn(structure) if structure.is_file() else None
+    for path in given.output:
+        sides = surface.sides() if given.band else {}
+        moved = {with_name(path, side): of for side, of in sides.items()}
+        for file, one in {path: surface, **moved}.items():
+            write_surface(file, one, ExportOptions(folder.resolve().name, drawn=drawn))
+            print(file)
+    return 0
+
+
+def _next(given: argparse.Namespace) -> int:
+    from cccd.settings.root import Settings
+
+    structure = read_given(given, Settings())
+    gaps = [] if structure.annotation is None else structure.annotation.gaps
+    if not gaps:
+        problem = "no slice is left to draw between those that are annotated"
+        raise InputError(structure.organ, problem, "give a mask of some slices, or --annotated nonempty")
+    axis = structure.frame.slice_axis
+    if given.json:
+        slices = [{"slice": number, "gap": gap} for number, gap in gaps]
+        print(json.dumps({"input": str(given.input), "axis": axis, "slices": slices}, indent=2))
+        return 0
+    number, gap = gaps[0]
+    print(f"annotate slice {number} next (axis {axis}, counted from 0), in the middle of {gap} that are not")
     return 0

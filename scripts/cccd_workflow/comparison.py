@@ -15,7 +15,6 @@ import numpy as np
 
 from cccd.api import Surface, read
 from cccd.errors import InputError, choices
-from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
@@ -23,13 +22,13 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
-from cccd.metrics import Gaps, dice, normal_angles, solid_dice
+from cccd.metrics import Gaps, dice, normal_angles
 from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import measure_labels
+from cccd_meshes.booleans import shared_volume
 from cccd_meshes.closed_meshes import mend
+from cccd_meshes.read_meshes import is_mesh, read_mesh
 from cccd_workflow.limits import LIMITS, TOLERANCE_MM
-
-__all__ = ["Compared", "Comparison", "compare", "missed_limits"]
 
 
 @dataclass(frozen=True)
@@ -183,9 +182,6 @@ def compare(
     return Comparison(names[0], names[1], tolerance_mm, rows, notes)
 
 
-# What is compared -------------------------------------------------------------------------------------
-
-
 def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Shape]:
     """Read every label of an input, or the one that is asked for."""
     if isinstance(given, Surface):
@@ -253,9 +249,6 @@ def _plain(shape: _Shape) -> str:
 
 def _listed(shapes: Sequence[_Shape]) -> str:
     return choices(shape.name or shape.label for shape in shapes)
-
-
-# What is measured -------------------------------------------------------------------------------------
 
 
 def _compared(first: _Shape | None, second: _Shape | None, tolerance: float, heat_map: bool) -> Compared:
@@ -346,9 +339,6 @@ def _on_block(shape: _Shape, affine: FloatArray, size: tuple[int, int, int]) -> 
     return np.asarray(moved.data, bool)
 
 
-# Limits -----------------------------------------------------------------------------------------------
-
-
 def missed_limits(found: Comparison, limits: Mapping[str, float]) -> list[str]:
     """List which rows miss which limits; a figure that a row does not have misses its limit.
 
@@ -367,3 +357,9 @@ def missed_limits(found: Comparison, limits: Mapping[str, float]) -> list[str]:
                 is_ = f"no {known.name}, limit" if value is None else f"{known.name} {value:.4g} is {side}"
                 missed.append(f"{row.caption}: {is_} {limit:g}")
     return missed
+
+
+def solid_dice(first: Mesh, second: Mesh) -> float | None:
+    """Dice of what two closed meshes enclose, exact; None where one of them bounds no solid."""
+    shared = shared_volume(first, second)
+    return None if shared is None else min(1.0, 2 * shared / (first.volume + second.volume))

@@ -18,8 +18,6 @@ from cccd.store import atomic_path
 from cccd_viewers.page_files import View
 from cccd_workflow.comparison import Compared, Comparison
 
-__all__ = ["check_outputs", "write_comparison"]
-
 #: A page shows at most so many triangles of each surface.
 _TRIANGLES = 30_000
 

@@ -7,8 +7,6 @@ import functools
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-__all__ = ["imported_files"]
-
 
 @functools.cache
 def _direct_imports(path: Path, libraries: tuple[Path, ...]) -> frozenset[Path]:

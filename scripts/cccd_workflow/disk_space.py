@@ -8,8 +8,6 @@ from pathlib import Path
 
 from cccd.errors import InputError
 
-__all__ = ["check_room", "least_bytes"]
-
 #: Bytes of each result of the smallest structure that was measured, the phantom sphere (98 x 98 x 23 voxels);
 #: a clinical organ's are five to twenty times that.
 _LEAST = {

@@ -15,8 +15,6 @@ from typing import Any, NamedTuple
 
 from cccd.extras import EXTRAS, how_to_install
 
-__all__ = ["Finding", "add_doctor", "examine"]
-
 
 class Finding(NamedTuple):
     """One thing looked at."""

@@ -22,8 +22,6 @@ from cccd.errors import InputError
 from cccd.extras import missing_extra
 from cccd.interruption import interruptible
 
-__all__ = ["BATCH", "INTERRUPTED", "job", "take_placeholders_away"]
-
 #: Stands in the environment of the jobs of a batch.
 BATCH = "CCCD_BATCH"
 

@@ -12,9 +12,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import TextIO
 
-from cccd.console import FORESEEN, duration
-
-__all__ = ["JobLines", "is_of_jobs", "shorten"]
+from cccd_labels.progress import FORESEEN, duration
 
 #: Events of Snakemake's log that `JobLines` replaces (`snakemake_interface_logger_plugins.common.LogEvent`).
 REPLACED = {

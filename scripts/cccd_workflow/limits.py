@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-__all__ = ["LIMITS", "TOLERANCE_MM", "Limit"]
-
 #: Surfaces this near to each other agree, for the surface Dice: about a voxel of most scans.
 TOLERANCE_MM = 1.0
 

@@ -9,6 +9,10 @@ COMMANDS = {
     "report": Command(
         "build the report of all finished structures again", "cccd_workflow.commands.add_report"
     ),
+    "export": Command(
+        "write a finished structure of the workflow in another format", "cccd_workflow.commands.add_export"
+    ),
+    "next": Command("name the slice to annotate next", "cccd_workflow.commands.add_next"),
     "check": Command("report what an input contains, and draw it", "cccd_workflow.check.add_check"),
     "doctor": Command("report what is installed and works", "cccd_workflow.doctor.add_doctor"),
 }

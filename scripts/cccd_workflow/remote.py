@@ -22,8 +22,6 @@ from typing import Any
 from cccd.errors import InputError
 from cccd.extras import needing
 
-__all__ = ["RemoteFile", "fetch", "is_remote", "read_address"]
-
 #: Seconds that a server may be silent.
 PATIENCE_S = 60
 _CHUNK = 1 << 20

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from cccd.errors import InputError
 
-__all__ = ["read_rows"]
-
 
 def read_rows(path: Path, what: str, cure: str) -> tuple[str, list[str], list[tuple[str, dict[str, str]]]]:
     """Read a sheet with a header line; blank lines are left out.

@@ -20,8 +20,6 @@ from cccd.geometry.sections import cross_sections
 from cccd.surface.measure import mask_surface
 from cccd_viewers.page_files import View
 
-__all__ = ["lines_on_slices", "make_view", "reference_surface", "voxel_surface"]
-
 #: Lines of the error band on slices are kept to this share of a pixel.
 _LINE_PX = 0.05
 

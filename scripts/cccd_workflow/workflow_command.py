@@ -15,8 +15,6 @@ import yaml
 from cccd.errors import InputError, choices
 from cccd.project import PROJECT
 
-__all__ = ["run_command", "snakemake_command"]
-
 #: What asks a run to end: Ctrl-C; timeout, docker and Slurm; a terminal that is closed.
 _ENDING = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

@@ -11,8 +11,6 @@ from cccd.containers import Frame
 from cccd.settings.surface import TetrahedraSettings
 from support.solids import mesh_of, sphere
 
-__all__ = ["FRAME", "HALF", "SETTINGS", "WIDTH", "calculix", "elastic", "needs_calculix", "two_halves"]
-
 #: Of the bar's section, and of each organ's length, in mm.
 WIDTH, HALF = 10.0, 20.0
 FRAME = Frame(

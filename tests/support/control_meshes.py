@@ -6,8 +6,6 @@ import trimesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.control_mesh import split_to_quads
 
-__all__ = ["CORNERS", "SIDES", "bumpy", "cube", "pill", "polygon_area", "torus", "torus_grid", "turned"]
-
 CORNERS = np.array([(x, y, z) for z in (-1.0, 1) for y in (-1.0, 1) for x in (-1.0, 1)])
 SIDES = np.array([(0, 2, 3, 1), (4, 5, 7, 6), (0, 1, 5, 4), (2, 6, 7, 3), (0, 4, 6, 2), (1, 3, 7, 5)])
 

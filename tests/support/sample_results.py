@@ -21,6 +21,7 @@ from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_viewers.page_files import write_view
+from cccd_workflow import stage_files
 from cccd_workflow.report.render import render_surface
 from cccd_workflow.view import make_view
 
@@ -68,12 +69,12 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     structure, centre = make_structure(case, organ, warnings)
     store.write_structure(folder / "structure.h5", structure)
     boundaries = extract_boundaries(structure, BOUNDARIES)
-    store.write_boundaries(folder / "boundaries.h5", boundaries)
+    stage_files.write_boundaries(folder / "boundaries.h5", boundaries)
     curves = trace_mask(structure)
     corner = np.concatenate([np.arange(len(part)) % max(1, len(part) // 24) == 0 for part in curves])
     splines = corner_splines(curves, corner)
     codes = chain_codes(curves.points, curves.offsets)
-    store.write_curves(
+    stage_files.write_curves(
         folder / "curves.h5", FittedCurves(curves, codes, curves.points[corner], splines.offsets, splines)
     )
     mesh = trimesh.creation.icosphere(subdivisions=4)
@@ -96,8 +97,8 @@ def write_sample_view(folder: Path) -> None:
     inner, outer = (np.full(len(mesh.vertices), side) for side in (BAND["inner"], BAND["outer"]))
     view = make_view(
         store.read_structure(folder / "structure.h5"),
-        store.read_boundaries(folder / "boundaries.h5"),
-        store.read_curves(folder / "curves.h5"),
+        stage_files.read_boundaries(folder / "boundaries.h5"),
+        stage_files.read_curves(folder / "curves.h5"),
         mesh,
         Band(inner, outer, 0.9, 1.0, False),
     )

@@ -11,8 +11,6 @@ from pathlib import Path
 
 import numpy as np
 
-__all__ = ["ILIAC_WING", "THIN_MASKS", "endplates", "iliac_wing", "ribs", "shell", "spine"]
-
 #: Label map of a CT of 3 mm next to the checkout, and the value of its left hip (TotalSegmentator v2).
 ILIAC_WING = Path(__file__).resolve().parents[3] / "shared/data/liver_totalseg_ct3mm/labels.nii.gz"
 _HIP_LEFT = 77

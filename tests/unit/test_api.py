@@ -34,7 +34,7 @@ def surface():
 
 def test_what_is_public_is_listed_once_and_is_there():
     assert set(cccd.__all__) == PUBLIC
-    by_stub = {"compare", "reconstruct_labels", "smooth_mesh"}
+    by_stub = {"compare", "order", "reconstruct_labels", "smooth_mesh"}
     assert {*import_module("cccd.api").__all__} | by_stub == PUBLIC - {"__version__"}
     for name in PUBLIC - {"__version__"}:
         assert getattr(cccd, name).__doc__

@@ -5,7 +5,7 @@ import logging
 
 import pytest
 
-from cccd.console import OrganLines, duration
+from cccd_labels.progress import OrganLines, duration
 from cccd_workflow.job_lines import REPLACED, JobLines, is_of_jobs
 
 

@@ -108,7 +108,7 @@ def test_nobody_is_told_to_install_somebody_else_s_package():
 
 def test_the_walks_name_their_functions_in_full():
     walks = ROOT / "docs" / "walks.md"
-    assert len(quoted(walks, r"cccd(\.\w+)+")) > 50
+    assert len(quoted(walks, r"cccd(_\w+)?(\.\w+)+")) > 50
     rules = "\n".join(
         path.read_text(encoding="utf-8") for path in (ROOT / "workflow" / "rules").glob("*.smk")
     )

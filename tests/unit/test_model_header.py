@@ -3,10 +3,10 @@ from pathlib import Path
 import pytest
 
 from cccd.errors import InputError
-from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.checkpoint import load_model, save_model
 from cccd_junctions.network import JunctionNetwork
 from cccd_networks.model_header import check_model, check_start, read_header
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.network import PaperNetwork
 
 FITTING = {"width": 8, "message_layers": 2}

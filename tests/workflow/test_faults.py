@@ -15,6 +15,7 @@ import SimpleITK
 
 from cccd import store
 from cccd.errors import InputError
+from cccd_workflow import stage_files
 
 ROOT = Path(__file__).parents[2]
 BOUNDARIES = [f"results/tiny/{organ}/boundaries.h5" for organ in ("sphere", "two_spheres")]
@@ -68,13 +69,13 @@ if re.search(r"[.]snakemake/scripts/tmp[^/]*[.]py$", " ".join(sys.orig_argv)):
 #: What each file is written from, given the results of a finished structure as ``done``.
 WRITERS = {
     "structure.h5": "store.write_structure(path, store.read_structure(done / 'structure.h5'))",
-    "boundaries.h5": "store.write_boundaries(path, store.read_boundaries(done / 'boundaries.h5'))",
-    "contours.h5": "store.write_contours(path, store.read_curves(done / 'contours.h5'), {})",
+    "boundaries.h5": "files.write_boundaries(path, files.read_boundaries(done / 'boundaries.h5'))",
+    "contours.h5": "files.write_contours(path, files.read_curves(done / 'contours.h5'), {})",
     "curves.h5": (
-        "curves = store.read_curves(done / 'curves.h5'); from cccd.containers import FittedCurves; "
+        "curves = files.read_curves(done / 'curves.h5'); from cccd.containers import FittedCurves; "
         "from cccd.chaincode import chain_codes; "
-        "store.write_curves(path, FittedCurves(curves, chain_codes(curves.points, curves.offsets), "
-        "*store.read_corners(done / 'curves.h5'), store.read_splines(done / 'curves.h5')))"
+        "files.write_curves(path, FittedCurves(curves, chain_codes(curves.points, curves.offsets), "
+        "*files.read_corners(done / 'curves.h5'), files.read_splines(done / 'curves.h5')))"
     ),
     "surface.h5": (
         "store.write_control_meshes(path, store.read_bodies(done / 'surface.h5'), "
@@ -253,6 +254,7 @@ def test_a_full_disk_in_every_writer(name, tiny_run, small_disk, tmp_path):
         assert filler.write(b"0" * 100_000) < 100_000  # as much as there is room for
     code = (
         "import sys; from pathlib import Path; from cccd import store; from cccd_workflow.job import job\n"
+        "from cccd_workflow import stage_files as files\n"
         "path, done, log = map(Path, sys.argv[1:])\n"
         f"with job(log, 'tiny/sphere'):\n    {WRITERS[name]}"
     )
@@ -287,10 +289,10 @@ def test_a_full_disk_in_a_run(fresh_project, small_disk):
     ("name", "read"),
     [
         ("structure.h5", store.read_structure),
-        ("boundaries.h5", store.read_boundaries),
-        ("contours.h5", store.read_curves),
-        ("curves.h5", store.read_curves),
-        ("curves.h5", store.read_splines),
+        ("boundaries.h5", stage_files.read_boundaries),
+        ("contours.h5", stage_files.read_curves),
+        ("curves.h5", stage_files.read_curves),
+        ("curves.h5", stage_files.read_splines),
         ("surface.h5", store.read_bodies),
     ],
 )
@@ -322,7 +324,7 @@ def test_an_older_layout_is_named(tiny_run, tmp_path):
     with h5py.File(older, "a") as file:
         del file["splines/knots"]
     with pytest.raises(InputError, match="older layout"):
-        store.read_splines(older)
+        stage_files.read_splines(older)
 
 
 def test_a_corrupted_checkpoint_falls_back_to_the_one_before(tiny_copy):
@@ -370,7 +372,7 @@ def test_a_scan_from_the_future(fresh_project, tmp_path):
     tomorrow = time.time() + 86400
     os.utime(tmp_path / "mask.nii.gz", (tomorrow, tomorrow))
     fresh_project.snakemake("results/a/ball/boundaries.h5")
-    store.read_boundaries(fresh_project.results / "a" / "ball" / "boundaries.h5")
+    stage_files.read_boundaries(fresh_project.results / "a" / "ball" / "boundaries.h5")
 
 
 def test_a_changed_mask_that_only_the_layout_names(fresh_project, tmp_path):

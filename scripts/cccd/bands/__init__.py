@@ -1,7 +1,7 @@
 """How far a surface may be off: a band for every vertex, and intervals of volumes.
 
-`signs` is what can be seen at a vertex, `calibration` turns it into millimetres, `conformal` holds the
-formula with the guarantee. `readers` is what another reader adds, `samples` draws surfaces within the band.
+`signs` is what can be seen at a vertex, `calibration` turns it into millimetres, `readers` is what another
+reader adds. `cccd_calibration` measures these, and draws surfaces within a band.
 """
 
 from cccd.bands.band import Band, estimate_band

@@ -13,8 +13,6 @@ from cccd.bands.signs import Slices, signs_of
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Band", "estimate_band"]
-
 
 @dataclass(frozen=True, eq=False)
 class Band:
@@ -33,7 +31,7 @@ class Band:
     length_mm : float
         Over which errors are correlated along the surface.
     area_low, area_high, diameter_low, diameter_high : float
-        By what the band's mean width is multiplied for the ends of these intervals, see `samples.intervals`.
+        By what the band's mean width is multiplied for the ends of these intervals.
     """
 
     inner: FloatArray

@@ -15,8 +15,6 @@ from cccd.bands.signs import SIGNS
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, SingleArray
 
-__all__ = ["REGIMES", "SHARES", "Calibration", "Curve", "Regime"]
-
 #: Slice distances in pixels at which one regime ends and the next begins.
 REGIMES = (0.5, 1.5, 2.5, 4.5, 7.5, 30.0)
 #: The shares of the surface that factors are kept for; between them they are interpolated.

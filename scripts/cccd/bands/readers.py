@@ -12,8 +12,6 @@ from scipy.special import ndtri
 from cccd.bands.calibration import SHARES
 from cccd.errors import InputError
 
-__all__ = ["Reader"]
-
 #: Unit of the widths of a file.
 UNIT = "mm"
 #: Of a number alone: how far the whole border moves together, as a share of how far each of its places does.

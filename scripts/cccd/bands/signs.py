@@ -10,8 +10,6 @@ import scipy
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SIGNS", "Slices", "signs_of"]
-
 #: The signs of a vertex, in the columns' order, as logarithms; lengths are in pixels.
 SIGNS = (
     "slope",  # how far the slices lie apart along the normal, most in the middle of the gap

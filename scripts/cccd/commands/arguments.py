@@ -14,9 +14,6 @@ if TYPE_CHECKING:
     from cccd.inputs.file_requests import Threshold
     from cccd.settings.root import Settings
 
-__all__ = ["add_band", "add_input", "read_given", "settings_of"]
-
-
 #: A parser, or a group of its arguments.
 Arguments = argparse.ArgumentParser | argparse._ArgumentGroup  # pyright: ignore[reportPrivateUsage]
 

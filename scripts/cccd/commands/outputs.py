@@ -16,18 +16,6 @@ if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.settings.root import Settings
 
-__all__ = [
-    "check_files",
-    "check_outputs",
-    "describe_surface",
-    "plain_stem",
-    "print_json",
-    "print_surface",
-    "print_surfaces",
-    "with_name",
-    "write_with_band",
-]
-
 
 def plain_stem(path: Path) -> str:
     """Return a file's or folder's name without the suffix of its format."""

@@ -20,8 +20,6 @@ if TYPE_CHECKING:
     from cccd.api import Surface
     from cccd.settings.root import Settings
 
-__all__ = ["add_surface"]
-
 #: Processes for a whole map where nobody says: each may need a gigabyte.
 _MOST_CORES = 4
 
@@ -96,6 +94,8 @@ def add_surface(command: argparse.ArgumentParser) -> None:
 
 
 def _surface(given: argparse.Namespace) -> int:
+    from cccd.inputs.readers import without_suffix
+
     option = "--seed" if given.seed else "--threshold" if given.threshold is not None else None
     stem = plain_stem(given.input)
     if option:
@@ -103,8 +103,10 @@ def _surface(given: argparse.Namespace) -> int:
     outputs = given.output or [Path(f"{stem}.ply")]
     if given.samples is not None:
         outputs = [path if path.suffix and not path.is_dir() else path / f"{stem}.ply" for path in outputs]
-    if _is_shape(given.input, given.label):
-        return _surface_of_mesh(given, given.output or [Path(f"{stem}_smooth.ply")])
+    if given.input.is_file() and without_suffix(given.input.name) is None:
+        code = find(table("OPTIONS")["mesh"])(given, given.output or [Path(f"{stem}_smooth.ply")])
+        if code is not None:
+            return code
     if given.like is not None:
         from cccd.inputs.load import existing
 
@@ -135,48 +137,7 @@ def _surface(given: argparse.Namespace) -> int:
     return 0
 
 
-def _is_shape(path: Path, label: str) -> bool:
-    """Whether a file is a mesh, or contours in planes of several directions."""
-    from cccd.inputs.readers import without_suffix
-
-    if not path.is_file() or without_suffix(path.name) is not None:
-        return False
-    from cccd.files.read_meshes import is_mesh
-
-    if is_mesh(path):
-        return True
-    try:
-        return find(table("OPTIONS")["planes"])(path, label) is not None
-    except InputError:
-        return path.name.lower().endswith(".csl")
-
-
-def _surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int:
-    """Make a smooth surface of a mesh, or put it onto a scan's grid."""
-    import cccd
-    from cccd.files.write import format_of
-
-    labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
-    from_image = bool(given.seed) or given.threshold is not None
-    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band, given.samples is not None)
-    if any(voxels):
-        problem = "a mesh has no labels, grey values, boundary maps or error band"
-        raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
-    like = given.like or given.image
-    settings = settings_of(given)
-    check_outputs(outputs, [given.input, like])
-    for path in outputs:
-        if like is None and format_of(path) in {"nii.gz", "seg.dcm"}:
-            raise InputError(str(path), "it needs the grid of a scan", "name the scan: --like ct.nii.gz")
-    began = time.perf_counter()
-    surface = _uniform(cccd.smooth_mesh(given.input, like, label=given.label, settings=settings), given)
-    files = [file for path in outputs for file in write_with_band(surface, path, settings, False)]
-    made = describe_surface(surface, files, time.perf_counter() - began)
-    print_surfaces(given, [made])
-    return 0
-
-
-def _uniform(surface: Surface, given: argparse.Namespace) -> Surface:
+def uniform(surface: Surface, given: argparse.Namespace) -> Surface:
     """Return the surface with the number of triangles, or the edges, that were asked for."""
     if given.triangles is None and given.edge_mm is None:
         return surface
@@ -203,7 +164,7 @@ def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Se
         for note in structure.warnings:
             if isinstance(note, EarlyWarning):
                 tqdm.write(f"warning: {note}", file=sys.stderr)
-        surface = _uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
+        surface = uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         samples = [] if given.samples is None else surface.samples(given.samples)
         files = [

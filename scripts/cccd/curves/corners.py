@@ -9,8 +9,6 @@ import numpy as np
 
 from cccd.tolerances import ROUNDING
 
-__all__ = ["CRITERIA", "Ring", "k_cosine", "k_cosine_corners", "local_extrema", "sharp_corners"]
-
 #: Which extremum of the k-cosine is a corner. The cosine is -1 on a straight line and +1 at a spike.
 CRITERIA = ("max", "min")
 
@@ -43,9 +41,6 @@ def local_extrema(values: np.ndarray, reach: np.ndarray, ring: Ring) -> np.ndarr
         within = (shift <= reach) & (2 * shift <= ring.size)
         peak &= ~within | ((values >= values[ring.at(shift)]) & (values > values[ring.at(-shift)]))
     return peak
-
-
-# The paper's detector ---------------------------------------------------------------------------------
 
 
 def k_cosine(
@@ -112,9 +107,6 @@ def k_cosine_corners(points: np.ndarray, offsets: np.ndarray, k: int, criterion:
     cosine, support = k_cosine(points, offsets, k)
     values = cosine if criterion == "max" else -cosine
     return local_extrema(np.round(values, 12), support // 2, Ring(offsets))
-
-
-# Sharp corners of the shape itself --------------------------------------------------------------------
 
 
 def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:

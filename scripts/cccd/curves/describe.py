@@ -13,8 +13,6 @@ from cccd.curves.fitting import corner_splines, crossed_curves, crossing_place, 
 from cccd.geometry.arrays import offsets_of, sum_per_part
 from cccd.settings.curves import CurveSettings
 
-__all__ = ["describe_curves"]
-
 #: So many places are named in a message.
 _MOST_PLACES = 5
 

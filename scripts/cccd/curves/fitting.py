@@ -25,15 +25,6 @@ from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
 
-__all__ = [
-    "CheckedSplines",
-    "corner_splines",
-    "crossed_curves",
-    "crossing_place",
-    "fit_checked",
-    "fit_splines",
-]
-
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
 _Way = Callable[[Curves], tuple[Splines, np.ndarray]]
 
@@ -187,9 +178,6 @@ def _splines(control: np.ndarray, offsets: np.ndarray, knots: np.ndarray, of: Cu
     return Splines(control, offsets, knots, knot_offsets, of.slice, of.hole, DEGREE, of.frame)
 
 
-# The paper's splines ----------------------------------------------------------------------------------
-
-
 def corner_splines(curves: Curves, corners: np.ndarray) -> Splines:
     """Uniform cubic B-splines whose control points are the corners (Definition 4, equations 6-9).
 
@@ -226,9 +214,6 @@ def _uniform_knots(counts: np.ndarray) -> np.ndarray:
     return ranks_of(np.asarray(counts) + 2 * DEGREE + 1).astype(float) - DEGREE
 
 
-# Splines that need no fit ------------------------------------------------------------------------------
-
-
 def _along_reference(settings: CurveSettings, curves: Curves) -> tuple[Splines, np.ndarray]:
     """Take the curves without their steps for control polygons: the splines stay in these' convex hulls."""
     widths = _shares(curves) * _filter_px(settings.tolerance_px)
@@ -250,9 +235,6 @@ def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
         [np.zeros(0), *(extend_knots(np.repeat(np.arange(n), DEGREE), n) for n in polygons.sizes)]
     )
     return _splines(thirds.reshape(-1, 2), offsets, knots, curves), np.full(len(curves), np.inf)
-
-
-# Sampling and checking --------------------------------------------------------------------------------
 
 
 def _pairs_near(curves: Curves) -> np.ndarray:

@@ -26,8 +26,6 @@ from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
 from cccd.geometry.closed_splines import DEGREE, extend_knots
 from cccd.tolerances import RIDGE, STILL, TINY
 
-__all__ = ["FEWEST", "FEWEST_SAMPLES", "SPACING_PX", "STAIRCASE_PX", "fit_closed_spline", "reference"]
-
 #: Control points a closed cubic spline needs.
 FEWEST = 4
 

@@ -16,16 +16,6 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.closed_splines import DEGREE
 from cccd.tolerances import RIDGE, TINY
 
-__all__ = [
-    "basis",
-    "least_squares",
-    "pieces",
-    "project",
-    "slope_at",
-    "tangent_least_squares",
-    "value_at",
-]
-
 
 def least_squares(knots, count, points, parameters):
     """Control points (n, 2) that minimise the squared distances to ``points`` (m, 2).

@@ -11,8 +11,6 @@ from cccd.files.write import ExportOptions
 from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["TO_GLTF", "gltf_material", "write"]
-
 #: mm RAS to glTF's metres, y up, z towards the viewer: x right, y superior, z anterior-to-viewer.
 TO_GLTF = np.array([[1e-3, 0, 0, 0], [0, 0, 1e-3, 0], [0, -1e-3, 0, 0], [0, 0, 0, 1.0]])
 

@@ -17,11 +17,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import write_ply as write_mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import fill_mask
-from cccd.inputs.nifti_export import write_nifti
 from cccd.settings.formats import NOTE
 from cccd.surface.surface import LoftedSurface
-
-__all__ = ["binary_stl", "write_gii", "write_label_map", "write_obj", "write_ply", "write_stl", "write_vtp"]
 
 #: NIfTI's code of the scanner's space.
 _SCANNER = 1
@@ -105,6 +102,8 @@ def binary_stl(mesh: Mesh, note: str) -> bytes:
 
 def write_label_map(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels inside as 1; slices that were drawn, where only some were, as they were drawn."""
+    from cccd.inputs.nifti_export import write_nifti
+
     frame = surface.frame.of_file
     if options.drawn is None:
         mask = voxelise(surface.mesh, frame.affine, frame.shape)

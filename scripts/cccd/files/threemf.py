@@ -16,8 +16,6 @@ from cccd.geometry.thickness import wall_thickness
 from cccd.settings.formats import COLOUR, NOTE
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["write"]
-
 #: Where the file keeps what is not the format's own.
 NAMESPACE = "https://cccd.example/3mf"
 

@@ -16,8 +16,6 @@ from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.store import atomic_path, check_writable
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["ExportOptions", "check_format", "format_of", "write_surface"]
-
 _DEFAULT = LoftSettings()
 
 

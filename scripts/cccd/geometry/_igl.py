@@ -10,6 +10,4 @@ os.environ.setdefault("IGL_NUM_THREADS", "1")  # jobs share a machine; read once
 import igl as _igl  # pyright: ignore[reportMissingTypeStubs]
 import igl.predicates  # pyright: ignore[reportMissingTypeStubs, reportUnusedImport]
 
-__all__ = ["igl"]
-
 igl = cast(Any, _igl)

@@ -12,8 +12,6 @@ from typing import ParamSpec, TypeVar
 from numba import njit
 from numba.extending import register_jitable
 
-__all__ = ["jit", "jit_dividing_by_zero", "jit_within"]
-
 P = ParamSpec("P")
 R = TypeVar("R")
 

@@ -9,8 +9,6 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray, IntArray
 
-__all__ = ["triangles_of", "vtk", "xml_of"]
-
 
 def vtk(name: str) -> Any:
     """Load a module of VTK by its name; its types are looser than what it returns."""

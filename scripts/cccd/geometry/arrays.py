@@ -15,28 +15,6 @@ import scipy
 
 from cccd.tolerances import TINY
 
-__all__ = [
-    "AnyArray",
-    "BoolArray",
-    "ByteArray",
-    "FloatArray",
-    "IntArray",
-    "LabelArray",
-    "RealArray",
-    "SingleArray",
-    "concatenate_ragged",
-    "connected_parts",
-    "distinct",
-    "offsets_of",
-    "owners_of",
-    "predecessors",
-    "ranks_of",
-    "split_ragged",
-    "successors",
-    "sum_per_part",
-    "unit_vectors",
-]
-
 FloatArray: TypeAlias = npt.NDArray[np.float64]
 SingleArray: TypeAlias = npt.NDArray[np.float32]
 IntArray: TypeAlias = npt.NDArray[np.int64]

@@ -11,8 +11,6 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray
 
-__all__ = ["DEGREE", "evaluate", "extend_knots"]
-
 #: Cubic throughout (equations 6-9).
 DEGREE = 3
 

@@ -11,8 +11,6 @@ from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["ScalarGrid"]
-
 
 @dataclass(frozen=True, eq=False)
 class ScalarGrid:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
-__all__ = ["WIDEST_BAND", "Dihedrals", "Mesh", "opposite_sides", "pinched_vertices"]
-
 #: A low-pass filter's band for the shortest waves that a mesh has.
 WIDEST_BAND = 1.9
 

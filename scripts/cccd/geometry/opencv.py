@@ -10,8 +10,6 @@ import numpy.typing as npt
 
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, SingleArray
 
-__all__ = ["border_pixels", "borders_of", "components", "distance_to_zero", "gaussian_blur", "sobel"]
-
 _Number = TypeVar("_Number", np.uint8, np.float32)
 
 

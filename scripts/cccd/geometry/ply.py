@@ -13,8 +13,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["read_ply", "write_ply"]
-
 #: A triangle of the file.
 _TRIANGLE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 

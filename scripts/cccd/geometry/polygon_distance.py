@@ -8,8 +8,6 @@ from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.polygons import RaggedPolygons
 
-__all__ = ["to_polygons"]
-
 #: Distances to polygons are exact within this many pixels of them.
 NEAR_PIXELS = 2.0
 

@@ -27,8 +27,6 @@ from cccd.geometry.arrays import (
     sum_per_part,
 )
 
-__all__ = ["RaggedPolygons"]
-
 
 @dataclass(frozen=True, eq=False)
 class RaggedPolygons:

@@ -12,8 +12,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.tolerances import ROUNDING
 
-__all__ = ["block_of", "rasterise", "rasterise_layers", "voxelise", "voxels_within"]
-
 
 def rasterise(
     polygons: RaggedPolygons | Sequence[RealArray], origin: Sequence[int] | RealArray, shape: tuple[int, int]

@@ -7,8 +7,6 @@ import numpy as np
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["cross_sections"]
-
 
 def cross_sections(mesh: Mesh, normal: FloatArray, heights: FloatArray) -> list[list[FloatArray]]:
     """Cut a closed mesh by parallel planes.

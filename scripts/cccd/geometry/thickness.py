@@ -8,8 +8,6 @@ from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["Lines", "wall_thickness"]
-
 #: Rays that are cast into a mesh.
 RAYS = 2000
 #: A ray starts so far below its triangle, in mm: not to meet that again.

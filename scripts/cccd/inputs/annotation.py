@@ -14,18 +14,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import crop
 
-__all__ = [
-    "AUTO",
-    "EVERY_SLICE",
-    "NONEMPTY",
-    "RULES",
-    "annotation_note",
-    "drawn_slices",
-    "fill_mask",
-    "find_annotation",
-    "with_undrawn_filled",
-]
-
 #: The rules by which a mask's slices count as drawn.
 AUTO, EVERY_SLICE, NONEMPTY = RULES = ("auto", "every slice", "nonempty")
 #: By itself, a mask is taken for one of which some slices were drawn when at least two empty ones lie between

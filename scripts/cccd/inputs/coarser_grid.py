@@ -14,8 +14,6 @@ import numpy as np
 
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray, SingleArray
 
-__all__ = ["CoarserGrid", "find_coarser_grid"]
-
 # From which ratio of the grids' spacings on copies are looked for: below, too few voxels are copies to tell
 # them from an organ's own flat sides.
 _LEAST_RATIO = 1.15

@@ -9,15 +9,14 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from cccd.dicom_objects import dicom_modality, lies_in_its_series, object_in
+from cccd.dicom_objects import dicom_modality, is_object, object_in
 from cccd.errors import InputError, nearest
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.load import existing
 from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
+from cccd.plugins import find, table
 from cccd.request import Request
-
-__all__ = ["Label", "Threshold", "check_rule", "holds_series", "name_of", "refuse_image", "request_for"]
 
 #: Value(s) of a label map, or a name.
 Label: TypeAlias = str | int | Iterable[int]
@@ -62,7 +61,7 @@ def request_for(
     if annotated == NONEMPTY and not is_mask:
         raise InputError(path.name, "annotated: nonempty needs a mask", "leave annotated out")
     scan = path if alone else None if image is None else Path(image).absolute()
-    if is_mask and scan is None and (_holds_images(path) if path.is_dir() else lies_in_its_series(path)):
+    if is_mask and scan is None and (_holds_images(path) if path.is_dir() else _lies_in_its_series(path)):
         scan = path if path.is_dir() else path.parent
     name = name_of(path)
     organ = name if not chosen or chosen.replace(",", "").isdecimal() else chosen
@@ -147,3 +146,8 @@ def _holds_images(folder: Path) -> bool:
     """Whether a folder holds DICOM images beside a segmentation."""
     kinds = {dicom_modality(file) for file in folder.iterdir() if file.is_file()}
     return bool(kinds - {None, "", *_OBJECTS})
+
+
+def _lies_in_its_series(path: Path) -> bool:
+    """Whether a file is a SEG or RTSTRUCT that lies in one folder with the series that it was made on."""
+    return is_object(path) and find(table("OPTIONS")["in_its_series"])(path)

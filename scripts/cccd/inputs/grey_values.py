@@ -9,8 +9,6 @@ import numpy as np
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, distinct
 
-__all__ = ["HOW_TO_GIVE_AN_IMAGE", "image_without_mask", "refuse_grey_probabilities", "refuse_grey_values"]
-
 #: The hint where an image stands in a mask's place.
 HOW_TO_GIVE_AN_IMAGE = (
     "give the organ's mask, and its image with --image (column image of a sheet); for an image alone "

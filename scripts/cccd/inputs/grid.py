@@ -18,20 +18,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.inputs.coarser_grid import CoarserGrid
 from cccd.tolerances import ORTHOGONALITY
 
-__all__ = [
-    "LPS_TO_RAS",
-    "Volume",
-    "bounding_box",
-    "check_affine",
-    "crop",
-    "even_grid",
-    "farthest_apart",
-    "find_slice_axis",
-    "interpolate_on_grid",
-    "on_grid",
-    "same_grid",
-]
-
 #: LPS and RAS differ by the sign of the first two axes.
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
 #: Tilted slices lie no flatter than this share of the distance between their first pixels (70 degrees).
@@ -168,46 +154,6 @@ def find_slice_axis(affine: FloatArray, choice: str | int = "auto") -> int:
     thickest = spacing >= spacing[possible].max() * (1 - SAME_SPACING)
     thickest &= np.isin(np.arange(3), possible)
     return int(np.argmax(np.where(thickest, np.abs(columns[2]) / spacing, -1.0)))
-
-
-#: Even grids have at most so many steps in the median gap between uneven heights.
-_MOST_STEPS = 40
-
-
-def even_grid(heights: FloatArray, near: float = 0.05) -> tuple[float, IntArray]:
-    """Find an even grid whose nodes heights are near to, wherever they are.
-
-    Parameters
-    ----------
-    heights : (P,) float64
-        Two or more, ascending, apart from each other.
-    near : float
-        How near the nodes shall be, as a share of the median gap between heights.
-
-    Returns
-    -------
-    spacing : float
-        Distance of the nodes: that of the heights where it is even, also if some are missing, and a part of
-        that where it is uneven.
-    index : (P,) int64
-        Node of each height, from 0; no two have the same.
-
-    Examples
-    --------
-    >>> even_grid(np.array([0.0, 2.0, 4.0, 8.0]))
-    (2.0, array([0, 1, 2, 4]))
-    >>> even_grid(np.array([0.0, 2.0, 4.5, 7.5]))
-    (0.625, array([ 0,  3,  7, 12]))
-    """
-    usual = float(np.median(np.diff(heights)))
-    away = heights - heights[0]
-    for steps in range(1, _MOST_STEPS + 1):
-        index = np.rint(away / (usual / steps)).astype(np.int64)
-        spacing = float(away[-1] / index[-1])
-        index = np.rint(away / spacing).astype(np.int64)
-        if np.abs(away - index * spacing).max() <= near * usual and np.diff(index).min() > 0:
-            break
-    return spacing, index
 
 
 def same_grid(first: FloatArray, second: FloatArray, shape: tuple[int, ...]) -> bool:

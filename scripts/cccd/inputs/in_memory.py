@@ -12,8 +12,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.readers import itk_affine
 
-__all__ = ["array_of"]
-
 
 def array_of(
     organ: Any, affine: Any = None, spacing: Sequence[float] | None = None

@@ -8,8 +8,6 @@ from pathlib import Path
 
 from cccd.errors import InputError, choices, nearest
 
-__all__ = ["choose_labels", "freesurfer_labels", "plain_name"]
-
 #: A map is FreeSurfer's with so many labels, none of another number, and white matter on both sides.
 _FEWEST, _WHITE_MATTER = 12, {2, 41}
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
-from cccd.dicom_objects import dicom_modality, object_in, referenced_series
+from cccd.dicom_objects import dicom_modality, is_object, object_in
 from cccd.errors import InputError, nearest
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -45,21 +45,6 @@ from cccd.plugins import find, table
 from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd.sidecar_files import voxel_files
-
-__all__ = [
-    "FEW_SLICES",
-    "MARGIN_VOXELS",
-    "Scan",
-    "existing",
-    "find_organ",
-    "frame_of",
-    "load_structure",
-    "read_request",
-    "scan_of",
-    "slice_axis_of",
-    "structure_of_array",
-    "with_segmentation_notes",
-]
 
 #: An organ on fewer slices has no slice between two others: its ends are most of it.
 FEW_SLICES = 3
@@ -202,18 +187,14 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
     return replace(structure, provenance=provenance, warnings=[*structure.warnings, *report["warnings"]])
 
 
-# one grid -------------------------------------------------------------------------------------------
-
-
 def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> Scan:
-    """Read the files that a request names."""
     request = completed(request)
     paths = {name: existing(path, name) for name, path in request.files.items()}
     referenced = ""
     if "mask" in paths:
         paths["mask"] = object_in(paths["mask"])
-        if "image" in paths and paths["image"].is_dir() and paths["mask"].is_file():
-            referenced = referenced_series(paths["mask"])
+        if "image" in paths and paths["image"].is_dir() and is_object(paths["mask"]):
+            referenced = find(table("READERS")["reference"].read)(paths["mask"])
     image = None
     if "image" in paths:
         image = files.read(read_image, paths["image"], request.source, settings.fill_gaps, referenced)
@@ -371,9 +352,6 @@ def scan_of(structure: Structure) -> Volume | None:
     return Volume(structure.image, structure.affine, f"the scan of {structure.organ}")
 
 
-# cropping -------------------------------------------------------------------------------------------
-
-
 def _extent_of_contours(contours: Curves, frame: Frame) -> tuple[IntArray, IntArray, int]:
     """First and last index (3,) of the organ in the frame, and the number of its slices."""
     axis, plane = frame.slice_axis, list(frame.in_plane_axes)
@@ -437,7 +415,6 @@ def _on_coarser_grid(scan: Scan, location: str) -> Scan:
 
 
 def _crop(scan: Scan, request: Request) -> Structure:
-    """Crop a scan to its organ with a margin on every side."""
     scan = _on_coarser_grid(scan, request.location)
     frame, warnings = scan.frame, list(scan.warnings)
     axis = frame.slice_axis
@@ -522,12 +499,8 @@ def _size_notes(frame: Frame, first: IntArray, last: IntArray, location: str) ->
     return [f"the organ is {longest:.2g} mm long, its voxels {size} mm: are the header's units millimetres?"]
 
 
-# provenance -----------------------------------------------------------------------------------------
-
-
 @cache
 def _versions() -> dict[str, str]:
-    """Versions of the readers that are installed."""
     found: dict[str, str] = {}
     for name in _READERS:
         with contextlib.suppress(PackageNotFoundError):

@@ -15,8 +15,6 @@ from nibabel.nifti1 import Nifti1Image
 from cccd.geometry.arrays import FloatArray
 from cccd.tolerances import ORTHOGONALITY
 
-__all__ = ["write_nifti"]
-
 
 def write_nifti(path: str | Path, values: npt.NDArray[np.integer | np.floating], affine: FloatArray) -> None:
     """Write a volume as NIfTI (mm, RAS); the same bytes for the same volume.

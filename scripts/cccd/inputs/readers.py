@@ -29,21 +29,6 @@ from cccd.sidecar_files import VoxelHeader, read_voxel_header
 if TYPE_CHECKING:
     import SimpleITK as sitk  # noqa: N813
 
-__all__ = [
-    "MOST",
-    "SUFFIXES",
-    "check_count",
-    "check_size",
-    "dataset_names",
-    "guarded",
-    "is_zarr",
-    "itk_affine",
-    "read_itk",
-    "read_nifti",
-    "read_volume",
-    "without_suffix",
-]
-
 _NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
 #: File endings of volumes, the most usual first.

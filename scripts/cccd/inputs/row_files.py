@@ -23,22 +23,6 @@ from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
 
-__all__ = [
-    "EACH_ITS_OWN",
-    "LabelMap",
-    "RowFiles",
-    "check_folder",
-    "checksum",
-    "label_values",
-    "list_labels",
-    "read_boundary_maps",
-    "read_image",
-    "read_label_map",
-    "read_mask",
-    "read_masks",
-]
-
-
 _Read = TypeVar("_Read")
 #: Voxels that are compared with whole numbers at once: they stay in the processor's cache.
 _PIECE = 2**16
@@ -340,7 +324,6 @@ def read_label_map(path: Path) -> LabelMap:
 
 
 def _is_nnunet(path: Path) -> bool:
-    """Whether a file's name is that of nnU-Net's probabilities."""
     return path.name.lower().endswith(".npz")
 
 
@@ -374,7 +357,6 @@ EACH_ITS_OWN = RowFiles()
 
 
 def _with_coarser_grid(mask: Volume) -> Volume:
-    """Note which grid a mask was copied from."""
     if mask.data.dtype != bool:
         return mask
     spacing = np.linalg.norm(mask.affine[:3, :3], axis=0)

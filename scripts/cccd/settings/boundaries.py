@@ -6,8 +6,6 @@ from typing import Literal
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["BoundarySettings"]
-
 
 class BoundarySettings(Section):
     """How boundary pixels are found (section ``boundaries``; section 4.3 of the paper)."""

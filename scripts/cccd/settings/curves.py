@@ -8,8 +8,6 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = ["CurveSettings"]
-
 _Support = Annotated[int, Field(ge=1, le=1000)]
 
 

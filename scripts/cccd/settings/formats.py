@@ -4,16 +4,6 @@ from __future__ import annotations
 
 from cccd.plugins import table
 
-__all__ = [
-    "BAND_FORMATS",
-    "CASE_FORMATS",
-    "COLOUR",
-    "FORMATS",
-    "NOTE",
-    "SOLID_FORMATS",
-    "TETRAHEDRA_FORMATS",
-]
-
 #: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
 COLOUR = (0.80, 0.47, 0.40)
 

@@ -8,14 +8,6 @@ from pydantic import Field
 
 from cccd.settings.section import Section, setting
 
-__all__ = [
-    "PHANTOM_DISTANCES_MM",
-    "PHANTOM_ORGANS",
-    "ImportSettings",
-    "PhantomSettings",
-    "RegionSettings",
-]
-
 #: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
 PHANTOM_ORGANS = (
     *("A", "H", "X", "bronchi", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres"),

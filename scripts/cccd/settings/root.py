@@ -11,11 +11,9 @@ from cccd.plugins import find, table
 from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
-from cccd.settings.junctions import NetworkSettings
+from cccd.settings.junctions import JunctionSettings
 from cccd.settings.section import Section, setting
 from cccd.settings.surface import LoftSettings
-
-__all__ = ["Settings", "whole_settings"]
 
 
 class Settings(Section):
@@ -92,8 +90,8 @@ class Settings(Section):
     boundaries: BoundarySettings = setting(
         BoundarySettings(), "from slices to boundary pixels", why="Section 4.3, Algorithm 1."
     )
-    gnn: NetworkSettings = setting(
-        NetworkSettings(), "the network that orders boundary pixels", why="Equation 11."
+    gnn: JunctionSettings = setting(
+        JunctionSettings(), "the network that orders boundary pixels", why="Equation 11."
     )
     curves: CurveSettings = setting(
         CurveSettings(), "ordered curves, their corners and splines", why="Definitions 3 and 4."

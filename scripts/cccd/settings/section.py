@@ -9,8 +9,6 @@ from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
 
 from pydantic import BaseModel, ConfigDict, Field, model_validator
 
-__all__ = ["Section", "setting", "without_repeats"]
-
 _T = TypeVar("_T")
 
 #: What plain words of YAML stand for. Snakemake's command line hands them over as text.

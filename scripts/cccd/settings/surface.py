@@ -9,9 +9,6 @@ from pydantic import AfterValidator
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS
 from cccd.settings.section import Section, setting, without_repeats
 
-__all__ = ["LoftSettings", "TetrahedraSettings"]
-
-
 if TYPE_CHECKING:
     _Format = _CaseFormat = str
 else:

@@ -18,8 +18,6 @@ from cccd.errors import InputError, nearest
 from cccd.settings.root import Settings, whole_settings
 from cccd.settings.section import Section
 
-__all__ = ["explain", "read_config", "validate_config"]
-
 _REFUSED_KEYS = ("extra_forbidden", "invalid_key")
 
 #: What pydantic says, and what people do who write YAML.

@@ -17,8 +17,6 @@ import numpy as np
 from scipy.ndimage import gaussian_filter, map_coordinates, sobel
 from scipy.spatial import cKDTree
 
-__all__ = ["b_spline_snake", "image_snake", "seed_circle"]
-
 Force = Callable[[np.ndarray, np.ndarray], np.ndarray]
 Bound = float | np.ndarray
 

@@ -17,8 +17,6 @@ from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = ["active_contour_figures", "compare_active_contour"]
-
 # Seeds: radius and offset from the centroid, in radii of a disc of the organ's area. The five of Figure 15,
 # by letter; and a sweep from well inside to well outside, from a good guess to a poor one.
 _FIGURE_15 = {"a": (1.6, 0.0), "b": (1.2, 0.0), "c": (1.6, 0.3), "d": (1.2, 0.3), "e": (0.5, 0.0)}

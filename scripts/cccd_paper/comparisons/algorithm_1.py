@@ -29,16 +29,6 @@ from cccd_paper.comparisons.tensor_product_loft import TUNED, loft_splines
 from cccd_paper.comparisons.tuning import SAMPLES
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = [
-    "OURS",
-    "PAPER",
-    "PaperChain",
-    "compare_algorithm_1",
-    "load_paper_orderer",
-    "run_algorithm_1",
-    "section_figures",
-]
-
 #: The methods' names in the table.
 PAPER, OURS = "paper", "ours"
 

@@ -16,8 +16,6 @@ from cccd.curves.corners import Ring, k_cosine, k_cosine_corners, local_extrema
 from cccd.geometry.arrays import predecessors, successors
 from cccd.tolerances import ROUNDING, STILL
 
-__all__ = ["DETECTORS"]
-
 
 def rosenfeld_johnston(points: np.ndarray, offsets: np.ndarray, share: float = 0.07) -> np.ndarray:
     """Rosenfeld and Johnston 1973: k-cosine maxima whose longest support is a share of the curve.

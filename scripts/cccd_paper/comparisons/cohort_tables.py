@@ -7,8 +7,6 @@ import pandas as pd
 from cccd_paper.comparisons.paper_k import BEST, FIGURE_11
 from cccd_workflow.report.summary import Cohort
 
-__all__ = ["at_best", "compactness", "figure_11_rows", "ordering", "shapes"]
-
 
 def at_best(rows: pd.DataFrame) -> pd.DataFrame:
     """Rows of a table of surfaces, one per method: of tuned ones those of the smallest ASSD."""

@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-__all__ = ["Confusion", "confusion"]
-
 Counts = np.ndarray | int
 Rates = np.ndarray | float
 

@@ -35,8 +35,6 @@ from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_sl
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = ["compare_corners", "corner_figures", "fuse", "fused_spline", "order_corners", "search"]
-
 #: What the automatic fit below is run with, whatever the run's own curves are fitted with.
 _AUTOMATIC_VALUES = f"tolerance {CurveSettings().tolerance_px:g} px"
 

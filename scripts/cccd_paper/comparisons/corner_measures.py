@@ -10,12 +10,10 @@ import numpy as np
 from cccd.containers import Curves
 from cccd.curves.fitting import corner_splines
 from cccd.curves.knots import FEWEST
-from cccd.curves.measures import window_of
 from cccd.geometry.arrays import sum_per_part
 from cccd.settings.curves import CurveSettings
 from cccd_paper.comparisons.confusion import confusion
-
-__all__ = ["SWEEP", "measure_corners"]
+from cccd_workflow.curve_measures import window_of
 
 #: The k of the paper's figures 10-13.
 SWEEP = CurveSettings().sweep

@@ -25,8 +25,6 @@ from cccd_paper.comparisons.samples import between, middle_slab
 from cccd_paper.comparisons.tuning import SAMPLES
 from cccd_paper.settings import CornerSurfaceSettings
 
-__all__ = ["compare_corner_surfaces"]
-
 #: Bytes of a point as the paper counts them, two 32-bit indices; of the number of pixels that a curve bounds,
 #: by which the surface is moved to their outer border; and of a grey value.
 POINT_BYTES, PIXEL_COUNT_BYTES, GREY_BYTES = 8, 4, 2

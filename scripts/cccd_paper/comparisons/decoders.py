@@ -26,15 +26,6 @@ from cccd_paper.comparisons.reconstruction.connect2d import connect2d
 from cccd_paper.comparisons.reconstruction.tour import tour
 from cccd_paper.junctions.grid import follow_chains
 
-__all__ = [
-    "best_tree_cycle",
-    "circular_path",
-    "connected_complex",
-    "decode",
-    "prize_tour",
-    "seeded_watershed",
-]
-
 _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
 _MARGIN = 3
 
@@ -80,9 +71,6 @@ def decode(decoder: Callable, pixels: np.ndarray, seed: np.ndarray) -> np.ndarra
     return _largest_border(mask, origin)
 
 
-# Seeded watershed ---------------------------------------------------------------------------------------
-
-
 def seeded_watershed(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     """Flood from the seed and from outside over the distance to the map; they meet along the boundary.
 
@@ -102,8 +90,6 @@ def seeded_watershed(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     inside = ndimage.binary_opening(inside, np.ones((2, 2), bool))
     return _largest_border(inside, origin)
 
-
-# Circular shortest path ---------------------------------------------------------------------------------
 
 #: Cost of a pixel off the map, relative to one on it.
 _OFF_MAP = 12.0
@@ -183,8 +169,6 @@ def _wind(cost, centre_row, centre_column, start):
     return path, reached[goal]
 
 
-# Skeleton, tour, prizes ---------------------------------------------------------------------------------
-
 #: Branches of the skeleton that end within so many pixels are spurs.
 _SPUR_PX = 12
 #: Length that leaving a point out of the tour must save: more than a thin lobe's 1, less than a spur's 2.
@@ -247,8 +231,6 @@ def _collect(points, prize, window, order):
     return order[chosen]
 
 
-# Best cycle of the minimum spanning tree ----------------------------------------------------------------
-
 #: A closing gap of this many pixels halves what the cycle's area counts.
 _GAP_PX = 8.0
 
@@ -301,9 +283,6 @@ def _tree_path(parent, depth, one, other):
             other = parent[other]
     first[n] = one
     return np.concatenate((first[: n + 1], second[:m][::-1]))
-
-
-# Connect2D ----------------------------------------------------------------------------------------------
 
 
 def connected_complex(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:

@@ -13,8 +13,6 @@ import numpy as np
 
 from cccd.curves.corners import Ring, k_cosine, k_cosine_corners, local_extrema
 
-__all__ = ["READINGS", "rounded_up", "smoothed_chain"]
-
 # A straight chain has a cosine of -1; rounding leaves it above by less.
 _STRAIGHT = -1 + 1e-9
 

@@ -24,8 +24,6 @@ from scipy.spatial import cKDTree
 
 from cccd_paper.comparisons.links import closed_order
 
-__all__ = ["ORDERS", "closed_spline", "near_boundary", "order_by_angle", "order_by_chain", "order_by_links"]
-
 #: The ways of ordering corners, from the least to the most informed.
 ORDERS = ("angle", "tour", "chain")
 

@@ -20,8 +20,6 @@ from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import IsosurfaceSettings
 
-__all__ = ["compare_isosurfaces"]
-
 
 def compare_isosurfaces(
     structure: Structure,

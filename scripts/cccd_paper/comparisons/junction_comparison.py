@@ -18,7 +18,6 @@ from matplotlib.collections import LineCollection
 
 from cccd.containers import Boundaries, Frame
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path, write_table
 from cccd_datasets.corruptions import KINDS
 from cccd_junctions.checkpoint import load_model
@@ -28,6 +27,7 @@ from cccd_junctions.labelling import label_slice
 from cccd_junctions.network import JunctionNetwork
 from cccd_junctions.observation import observe
 from cccd_junctions.ordering import order_boundaries
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
 from cccd_paper.junctions.network import PaperNetwork
@@ -35,16 +35,6 @@ from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.scoring import SliceScore, score_slice
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map, truth_mask
 from cccd_training.junctions.tasks import make_task
-
-__all__ = [
-    "by_true_labels",
-    "classical_decoder",
-    "compare_decoders",
-    "draw_test_maps",
-    "draw_worst",
-    "evaluate",
-    "network_decoder",
-]
 
 #: The kinds whose mean is the table's row "all ten".
 TEN = tuple(kind for kind in KINDS if kind != "everything")

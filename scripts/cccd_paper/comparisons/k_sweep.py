@@ -32,8 +32,6 @@ from cccd_paper.comparisons.samples import choose_slices, middle_curve
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = ["OWN", "compare_k", "one_a_slice", "outline_figures", "search_chain"]
-
 #: Detector, criterion, k, name and values of the parameters.
 _Row = tuple[str, str, float, str, str]
 

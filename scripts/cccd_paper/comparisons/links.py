@@ -13,8 +13,6 @@ import numpy as np
 
 from cccd.geometry.arrays import connected_parts
 
-__all__ = ["LinkCounts", "closed_order", "count_links", "enclosed_region", "unique_links"]
-
 
 @dataclass(frozen=True)
 class LinkCounts:

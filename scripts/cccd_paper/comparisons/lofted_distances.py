@@ -9,8 +9,6 @@ from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh
 from cccd.surface.stack import interpolate_slices
 from cccd.tracing import trace_mask
 
-__all__ = ["filtered_mesh", "lofted_distances"]
-
 
 def lofted_distances(structure: Structure) -> Mesh:
     """Mesh the zero level of the signed distances between a mask's slices, by flying edges.

@@ -28,18 +28,6 @@ from cccd_paper.junctions.grid import build_grid
 from cccd_segmentation.seeds import parse_seeds
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = [
-    "FOUND",
-    "GROWN",
-    "NETWORK",
-    "THRESHOLD",
-    "best_decoded",
-    "best_threshold",
-    "compare_map_surfaces",
-    "map_figures",
-    "map_links",
-]
-
 #: The run's own ordering, and no ordering: the region in which edges were sought, found by a threshold or
 #: grown from a seed, and the threshold that is best of many.
 NETWORK, FOUND, GROWN, THRESHOLD = (
@@ -172,9 +160,6 @@ def _decoded_curves(boundaries: Boundaries, name: str) -> Curves:
     return Curves(points, offsets, slices, np.zeros(len(found), bool), boundaries.frame)
 
 
-# The best threshold -------------------------------------------------------------------------------------
-
-
 def best_threshold(structure: Structure) -> BoolArray:
     """Find the mask (S, I, J) of the window of grey values that is nearest to a structure's own.
 
@@ -234,9 +219,6 @@ def _component(inside: BoolArray, opening_px: float, seeds: IntArray) -> BoolArr
     found = np.isin(labels, chosen)
     outside, _ = ndimage.label(np.pad(~found, 1, constant_values=True))
     return (outside != outside[0, 0, 0])[1:-1, 1:-1, 1:-1]
-
-
-# What was decided ---------------------------------------------------------------------------------------
 
 
 def map_links(pixels: np.ndarray, curves: Curves) -> dict[str, np.ndarray]:

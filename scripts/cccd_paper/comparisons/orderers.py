@@ -9,8 +9,6 @@ from typing import Protocol
 from cccd.containers import Boundaries, Curves
 from cccd.geometry.arrays import BoolArray, IntArray, RealArray
 
-__all__ = ["Orderer", "load_orderers"]
-
 
 class Orderer(Protocol):
     """Orders boundary pixels into closed curves."""

@@ -13,8 +13,6 @@ from cccd_junctions.delaunay import build_graph
 from cccd_junctions.inference import Predictor
 from cccd_junctions.ordering import order_boundaries
 
-__all__ = ["compare_ordering", "decided_slices"]
-
 
 def compare_ordering(
     structure: Structure, boundaries: Boundaries, contours: Curves, model: Predictor

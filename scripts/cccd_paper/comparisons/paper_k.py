@@ -2,20 +2,6 @@
 
 from __future__ import annotations
 
-__all__ = [
-    "AS_SMOOTH",
-    "AS_SMOOTH_SLACK",
-    "AUTOMATIC",
-    "BEST",
-    "CCCD",
-    "COARSE_K",
-    "DEFAULTS",
-    "DISTANCES",
-    "FIGURE_11",
-    "OUTLINES",
-    "TABLE_3",
-]
-
 #: Our method's name in tables and figures.
 CCCD = "Proposed CCCD"
 

@@ -19,19 +19,6 @@ from cccd_paper.comparisons.parameters import UNTUNED
 from cccd_paper.comparisons.reconstruction_comparison import DENSE, HARRIS, POINTS
 from cccd_workflow.report.summary import Cohort
 
-__all__ = [
-    "RATES",
-    "corner_surfaces",
-    "figure_11",
-    "figure_15",
-    "segmenters",
-    "table_1",
-    "table_2",
-    "table_3",
-    "table_4",
-    "table_5",
-]
-
 #: Equations (12) to (21) under the names of Figure 11.
 RATES = ("TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI")
 

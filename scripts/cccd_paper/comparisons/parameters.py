@@ -20,22 +20,6 @@ from collections.abc import Iterator, Mapping
 
 import numpy as np
 
-__all__ = [
-    "BEST",
-    "BEST_OF_GRID",
-    "CHAIN_BEST",
-    "CHAIN_GRID",
-    "GRID",
-    "LARGEST_SHARE",
-    "LEAST",
-    "PAPER_FIGURE_9",
-    "PAPER_TABLE_2",
-    "UNTUNED",
-    "grid_points",
-    "open_edges",
-    "parameter_sets",
-]
-
 #: Names of parameter sets, as tables show them.
 UNTUNED, BEST_OF_GRID = "defaults", "best of grid"
 

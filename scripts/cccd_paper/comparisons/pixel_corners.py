@@ -8,8 +8,6 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-__all__ = ["fast", "harris", "shi_tomasi", "susan"]
-
 
 def _in_raster_order(pixels: np.ndarray) -> np.ndarray:
     pixels = np.asarray(pixels, np.int64).reshape(-1, 2)

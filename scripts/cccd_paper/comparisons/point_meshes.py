@@ -15,8 +15,6 @@ import numpy as np
 from cccd.containers import Curves
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["OPEN3D", "alpha_shape", "ball_pivoting", "has_open3d", "poisson"]
-
 #: The package that makes them.
 OPEN3D = "open3d"
 

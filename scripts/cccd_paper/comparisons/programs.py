@@ -27,20 +27,6 @@ from cccd_paper.comparisons import convert_by_slicer
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import from_polydata
 
-__all__ = [
-    "NIIMATH",
-    "NIIMATH_GRID",
-    "SLICER",
-    "SLICER_EDGES",
-    "SLICER_NETS",
-    "Niimath",
-    "Slicer",
-    "by_niimath",
-    "by_slicer",
-    "has_niimath",
-    "has_slicer",
-]
-
 NIIMATH, SLICER = "niimath", "slicer-core"
 
 #: Names the Python that has slicer-core.

@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import pandas as pd
 
-__all__ = ["NETWORKS", "OTHER_DATA", "TABLE_1", "TABLE_2", "TABLE_3", "TABLE_3_ORGAN", "TABLE_4", "TABLE_5"]
-
 #: What stands beside every network's figure.
 OTHER_DATA = "published figure, other data"
 

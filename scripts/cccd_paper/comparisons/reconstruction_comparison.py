@@ -23,18 +23,6 @@ from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_sl
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
-__all__ = [
-    "ALONG_PIXELS",
-    "DENSE",
-    "GIVEN_ORDER",
-    "HARRIS",
-    "JITTERED",
-    "POINTS",
-    "compare_reconstruction",
-    "point_sets",
-    "reconstruction_figures",
-]
-
 #: The point sets by the names that tables and figures show.
 DENSE, HARRIS = "dense boundary", "Harris corners on the boundary"
 JITTERED = "every {every}th pixel with jitter"

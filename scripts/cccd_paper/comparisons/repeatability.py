@@ -18,8 +18,6 @@ from cccd.geometry.raster import rasterise
 from cccd.tracing import trace_stack
 from cccd_paper.comparisons.chain_corners import DETECTORS
 
-__all__ = ["CHANGES", "Detector", "repeatability"]
-
 #: What changes an outline.
 CHANGES = ("rotation", "scale", "noise")
 

@@ -18,16 +18,6 @@ from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 from cccd_junctions.boundary import outline
 
-__all__ = [
-    "SliceSample",
-    "between",
-    "choose_slices",
-    "middle_curve",
-    "middle_slab",
-    "middle_slice",
-    "to_bytes",
-]
-
 _Stack = TypeVar("_Stack", Boundaries, Curves)
 
 #: Pixels of background around the curve, so that what leaks out of it is seen.

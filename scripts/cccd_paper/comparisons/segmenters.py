@@ -20,7 +20,6 @@ from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Secti
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import corner_splines
-from cccd.curves.measures import bytes_per_slice
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -39,20 +38,10 @@ from cccd_paper.comparisons.samples import middle_curve
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed
 from cccd_viewers.page_files import Panel, SliceFigure
+from cccd_workflow.curve_measures import bytes_per_slice
 
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd_segmentation.model import Segmenter
-
-__all__ = [
-    "A_SEED",
-    "COLUMNS",
-    "THE_IMAGE",
-    "TRUE_MASK",
-    "ShippedNetworks",
-    "compare_segmenters",
-    "load_segmenters",
-    "network_figures",
-]
 
 _Volume = TypeVar("_Volume", BoolArray, SingleArray)
 

@@ -28,8 +28,6 @@ from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slab
 
-__all__ = ["WAYS", "time_stages"]
-
 #: CCCD's k here: the one with which the paper's scores are best.
 K = 3
 STAGES = ("corner", "curve", "spline", "surface")

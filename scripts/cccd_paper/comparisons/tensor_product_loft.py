@@ -16,8 +16,6 @@ from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
 from cccd.surface.flat_caps import fill_rim
 
-__all__ = ["TUNED", "TubeSettings", "loft_splines", "tensor_product_loft"]
-
 #: Samples of the surface for each slice; around there is one for each control point.
 ALONG_SAMPLES = 4
 

@@ -19,8 +19,6 @@ from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import ThickSliceSettings
 
-__all__ = ["every_nth_slice", "thick_slice_experiment"]
-
 #: Fewer slices with organ than this say nothing about a reconstruction.
 FEWEST_SLICES = 3
 

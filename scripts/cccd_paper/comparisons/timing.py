@@ -7,8 +7,6 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-__all__ = ["timed"]
-
 
 def timed(make: Callable[..., Any], *arguments: Any) -> tuple[Any, float]:
     """Return what a function makes, and its processor seconds, those of programs that it runs included."""

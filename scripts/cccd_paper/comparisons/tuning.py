@@ -17,8 +17,6 @@ from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST, DEF
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import Smoothing, windowed_sinc
 
-__all__ = ["SAMPLES", "Truth", "tuned_rows"]
-
 #: Points on each surface by which distances are measured, and by which settings are chosen.
 SAMPLES, FEW_SAMPLES = 10_000, 2_000
 #: Edges by which the bending of a candidate is estimated.

@@ -22,21 +22,6 @@ from cccd.containers import Structure
 from cccd.geometry.mesh import Mesh
 from cccd_paper.comparisons import interpolate_contours
 
-__all__ = [
-    "GRID",
-    "MORPHOLOGICAL",
-    "Smoothing",
-    "antialiased_isosurface",
-    "distance_isosurface",
-    "flying_edges",
-    "from_polydata",
-    "has_morphological",
-    "marching_cubes",
-    "morphological_isosurface",
-    "surface_nets",
-    "windowed_sinc",
-]
-
 #: The optional package that interpolates contours by morphology.
 MORPHOLOGICAL = "itk-morphologicalcontourinterpolation"
 #: Of SimpleITK's filter: its largest change of a level, and its most rounds.

@@ -7,8 +7,6 @@ from collections.abc import Sequence
 
 from cccd_workflow.report.svg import INK, RULE, axes, style, to_svg
 
-__all__ = ["draw_steps"]
-
 #: Inches from box to box.
 _WIDE, _TALL = 1.62, 0.95
 

@@ -23,12 +23,6 @@ from cccd_workflow.report.registry import Item
 from cccd_workflow.report.results import Results
 from cccd_workflow.report.summary import structure_names
 
-__all__ = [
-    "algorithm_1", "compactness", "figure_5", "figure_6", "figure_7", "figure_8", "figure_9", "figure_10",
-    "figure_11", "figure_12", "figure_13", "figure_14", "figure_15", "figure_16", "figure_17", "junctions",
-    "map_surfaces", "surfaces", "table_5", "thick_slices",
-]  # fmt: skip
-
 #: Pairs of SVG (None: no data) and caption.
 Plots = list[tuple[str | None, str]]
 
@@ -68,9 +62,6 @@ _ALGORITHM = (
 )
 
 _RATES = ["TP rate", "FP rate", "TN rate", "FN rate", "ACC", "MC", "PRE", "SPEC", "DSC", "JI"]
-
-
-# Figures of one slice -----------------------------------------------------------------------------------
 
 
 def _on_a_slice(
@@ -179,9 +170,6 @@ def figure_12(results: Results, item: Item) -> Plots:
     coarse = sweep[sweep["k"] == COARSE_K]
     dice = {"DSC": f"Dice at k = {COARSE_K}"}
     return [*drawn, (plots.methods(item.key, coarse, "structure", dice, group="criterion"), caption)]
-
-
-# Plots of the rows --------------------------------------------------------------------------------------
 
 
 def _sweep(results: Results, item: Item) -> pd.DataFrame | None:

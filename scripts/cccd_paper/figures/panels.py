@@ -15,8 +15,6 @@ from matplotlib.figure import Figure
 from cccd_viewers.page_files import Panel, SliceFigure
 from cccd_workflow.report.svg import INK, SERIES, style, to_svg
 
-__all__ = ["LINK_LOOKS", "LOOKS", "MAP_LOOKS", "OUTLINE_LOOKS", "draw_slice_figure"]
-
 Looks = Mapping[str, Mapping[str, Any]]
 
 #: How the layers are drawn where methods are compared, from back to front.

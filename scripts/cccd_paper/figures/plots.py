@@ -16,8 +16,6 @@ from cccd_workflow.report.plots import label_of
 from cccd_workflow.report.summary import structure_names
 from cccd_workflow.report.svg import DASHES, INK, MARKERS, SERIES, SOFT, axes, legend_below, style, to_svg
 
-__all__ = ["lines", "methods", "rates"]
-
 
 def lines(
     key: str, frame: pd.DataFrame, x: str, measures: Mapping[str, str], series: str, dashed: str | None = None

@@ -10,8 +10,6 @@ from cccd_workflow.report.render import VIEWS, frame_view, paint_mesh
 from cccd_workflow.report.results import StructureFiles
 from cccd_workflow.report.svg import axes, style, to_svg
 
-__all__ = ["draw_surface_still"]
-
 _NET_COLOUR, _CREASE_COLOUR = "#0072b2", "#d55e00"
 
 

@@ -14,17 +14,6 @@ from torch import Tensor, nn
 
 from cccd_junctions.layers import EquationEleven, Incidence
 
-__all__ = [
-    "CHANNELS",
-    "EPSILON",
-    "MESSAGE_PASSING",
-    "POST_PROCESS",
-    "PRE_PROCESS",
-    "GeneralConv",
-    "GeneralGNN",
-    "mlp",
-]
-
 #: Defaults of Spektral's `GeneralGNN`.
 CHANNELS, MESSAGE_PASSING, PRE_PROCESS, POST_PROCESS = 256, 4, 2, 2
 

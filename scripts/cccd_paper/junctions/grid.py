@@ -21,16 +21,6 @@ from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, offsets_of, split_ragged
 from cccd.geometry.polygons import RaggedPolygons
 
-__all__ = [
-    "GridGraph",
-    "LinkPredictor",
-    "build_grid",
-    "chain_loops",
-    "find_chains",
-    "follow_chains",
-    "keep_two",
-]
-
 # Steps to four of the eight neighbours; the other four lead back.
 _STEPS = ((0, 1), (1, -1), (1, 0), (1, 1))
 

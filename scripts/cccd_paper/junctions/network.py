@@ -1,7 +1,7 @@
 """The paper's network: eq. (11) in Spektral's `GeneralGNN`, and link prediction (section 4.2).
 
 The paper prints the convolution, the features, the labels and the dropout, and names Spektral. Sizes are
-chosen in `cccd.settings.junctions`. How a link's value comes from its two nodes is not printed: here the last
+chosen in `cccd_networks.settings`. How a link's value comes from its two nodes is not printed: here the last
 MLP reads their sum and the size of their difference, which are the same in both directions.
 """
 
@@ -17,8 +17,6 @@ from torch_geometric.data import Batch, Data
 from cccd.geometry.arrays import AnyArray, FloatArray, IntArray
 from cccd_paper.junctions.general_gnn import MESSAGE_PASSING, POST_PROCESS, PRE_PROCESS, GeneralGNN, mlp
 from cccd_paper.junctions.grid import GridGraph, chain_loops
-
-__all__ = ["PaperNetwork", "grid_data", "link_data"]
 
 
 def link_data(features: FloatArray, links: IntArray, candidates: IntArray) -> Data:

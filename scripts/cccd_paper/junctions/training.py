@@ -14,17 +14,15 @@ from torch_geometric.loader import DataLoader
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, IntArray
-from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.decoding import closed_chains, fill_loops
 from cccd_junctions.delaunay import build_graph
+from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.grid import GridGraph, build_grid, find_chains
 from cccd_paper.junctions.network import PaperNetwork, grid_data
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.scoring import SliceScore, score_slice
 from cccd_training.junctions.synthetic_maps import RandomStream, SyntheticMap
 from cccd_training.junctions.tasks import Plan, link_and_curve_scores, make_loader
-
-__all__ = ["LinkTask", "PaperTask", "grid_labels"]
 
 # Not in the paper: graphs per step, 20 steps an epoch.
 _BATCH_SIZE = 10

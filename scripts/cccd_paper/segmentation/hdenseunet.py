@@ -13,8 +13,6 @@ from torch import Tensor, nn
 
 from cccd_paper.segmentation.slices import restack, slices_of, upsample_to
 
-__all__ = ["DenseEncoder", "DenseUNet", "HDenseUNet"]
-
 #: Dense layers of each block at the published size: slices (DenseNet-161), volume.
 LAYERS_2D, LAYERS_3D = (6, 12, 36, 24), (3, 4, 12, 8)
 #: Channels of the decoder's levels at the published size, by growth rate: 768/48 and so on; 504/32 and so on.

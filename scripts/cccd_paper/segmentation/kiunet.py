@@ -11,8 +11,6 @@ from torch.nn import functional
 
 from cccd_paper.segmentation.slices import upsample_to
 
-__all__ = ["KiUNet3D"]
-
 
 def _conv(channels: int, width: int) -> nn.Conv3d:
     return nn.Conv3d(channels, width, 3, padding=1)

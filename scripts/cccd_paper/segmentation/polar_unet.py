@@ -14,8 +14,6 @@ from torch.nn import functional
 
 from cccd_paper.segmentation.slices import conv_block, restack, slices_of
 
-__all__ = ["PolarUNet", "from_polar", "to_polar"]
-
 
 class UNet(nn.Module):
     """The U-Net of both steps: four poolings, twice the channels after each.

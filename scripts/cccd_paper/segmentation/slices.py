@@ -6,8 +6,6 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-__all__ = ["conv_block", "restack", "slices_of", "upsample_to"]
-
 
 def slices_of(volume: Tensor) -> Tensor:
     """Return every slice with its two neighbours as channels; the outermost slices stand twice.

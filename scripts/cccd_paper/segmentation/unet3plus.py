@@ -14,8 +14,6 @@ from torch.nn import functional
 
 from cccd_paper.segmentation.slices import conv_block, restack, slices_of, upsample_to
 
-__all__ = ["UNet3Plus"]
-
 #: Levels of the encoder and, but for the deepest, of the decoder.
 _LEVELS = 5
 

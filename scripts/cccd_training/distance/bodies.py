@@ -23,8 +23,6 @@ from cccd.surface.learned_distance import (
 )
 from cccd_datasets.implicit_solids import ImplicitFunction
 
-__all__ = ["Sample", "ball_with_bumps", "closed_body", "draw_sample", "packed"]
-
 Array = np.ndarray[Any, np.dtype[Any]]
 #: A smooth function of places (N, 3), negative inside.
 Field = Callable[[Array], Array]

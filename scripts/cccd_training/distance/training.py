@@ -14,8 +14,6 @@ from torch import Tensor, nn
 from cccd.surface.learned_distance import OFFSETS, RANGE, SLICES, UNIT, condition_basis
 from cccd_training.distance.bodies import Sample
 
-__all__ = ["DistanceModel", "save_weights", "train", "unpacked"]
-
 #: Sets of first-layer weights that conditions mix, and the layers' widths.
 BANKS, WIDTHS = 2, (256, 128, 64)
 #: Stacks of a step, each either way up, and places of each.

@@ -18,8 +18,6 @@ from scipy import ndimage
 from cccd.geometry.arrays import AnyArray, BoolArray
 from cccd.geometry.opencv import distance_to_zero
 
-__all__ = ["DAMAGES", "FIRST_DAMAGES"]
-
 _Damage = Callable[[np.random.Generator, AnyArray, BoolArray], BoolArray]
 
 

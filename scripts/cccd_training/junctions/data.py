@@ -24,8 +24,6 @@ from cccd_training.junctions.synthetic_maps import (
     draw_map,
 )
 
-__all__ = ["EpochMaps", "FrozenMaps", "label_map"]
-
 # Labelled maps that are kept, about 1 MB each.
 _MOST_KEPT = 400
 

@@ -37,8 +37,6 @@ from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_images import draw_image
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, SyntheticMap, draw_map
 
-__all__ = ["LEVELS", "Doubts", "edges_of_slices", "levels_of_shares", "measure_doubts", "wrong_unlisted"]
-
 #: Doubts from which slices may be listed.
 LEVELS = 1 / (1 + np.exp(-np.arange(-8, 4, 0.02)))
 #: Where fewer slices than this share stay unlisted, the wrong ones count as if it were this many.
@@ -54,9 +52,6 @@ SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
 
 class Doubts(dict[str, tuple[FloatArray, BoolArray]]):
     """Doubts (M,) of a kind's slices and whether they are wrong (M,), by the kind's name."""
-
-
-# Which slices are listed ------------------------------------------------------------------------------
 
 
 def wrong_unlisted(doubt: FloatArray, wrong: BoolArray) -> FloatArray:
@@ -82,9 +77,6 @@ def levels_of_shares(doubts: Mapping[str, tuple[FloatArray, BoolArray]]) -> dict
     right = np.array([1 - wrong_unlisted(*found)[::-1] for found in doubts.values()])
     found = {share: first_enough(right, 1 - share) for share in SHARES}
     return {share: float(LEVELS[::-1][first]) for share, first in found.items() if first is not None}
-
-
-# Maps -------------------------------------------------------------------------------------------------
 
 
 def _maps(kind: str, count: int, rng: np.random.Generator) -> Iterator[SyntheticMap]:
@@ -139,9 +131,6 @@ def _brain() -> tuple[AnyArray, AnyArray]:
     brain = row | {"case": "mni152", "organ": "brain", "source": "mni152"}
     structure = load_structure(brain, Path(), ImportSettings(), seed=0)
     return structure.required_stack("mask"), structure.required_stack("image")
-
-
-# Doubts -----------------------------------------------------------------------------------------------
 
 
 def measure_doubts(

@@ -33,17 +33,12 @@ from cccd_junctions.boundary import gradient_ridges, outline
 from cccd_training.junctions.random_masks import smooth_noise
 from cccd_training.junctions.synthetic_images import canny_map, draw_image
 
-__all__ = ["DETECTORS", "FAMILIES"]
-
 _Drawn = tuple[BoolArray, SingleArray | None]
 _Detector = Callable[[np.random.Generator, SingleArray], BoolArray]
 
 # Pixels on either side of the true border in which edges of images are kept: as the pipeline keeps them
 # around a rough region.
 _BAND_PX = (4.0, 9.0)
-
-
-# Images from labels -----------------------------------------------------------------------------------
 
 
 def label_maps(rng: np.random.Generator, mask: ByteArray) -> _Drawn:
@@ -83,9 +78,6 @@ def _acquired(rng: np.random.Generator, mean: AnyArray, spread: AnyArray) -> Sin
     return (image + rng.uniform(0, 0.05) * rng.standard_normal(image.shape)).astype(np.float32)
 
 
-# Elastic displacements and intensities ----------------------------------------------------------------
-
-
 def elastic(rng: np.random.Generator, mask: ByteArray) -> _Drawn:
     """Tear an outline, add neighbours' outlines, and threshold it as a grey line of uneven strength."""
     line = _displaced(rng, _outline(mask), rng.uniform(0.1, 0.7), rng.uniform(4, 12))
@@ -119,9 +111,6 @@ def _displaced(rng: np.random.Generator, line: SingleArray, far: float, size: fl
     rows, columns = np.mgrid[: line.shape[0], : line.shape[1]].astype(np.float32)
     di, dj = (np.float32(far) * smooth_noise(rng, line.shape, size) for _ in range(2))
     return cast(SingleArray, cv2.remap(line, columns + dj, rows + di, cv2.INTER_LINEAR))
-
-
-# Edge detectors ---------------------------------------------------------------------------------------
 
 
 def ridges(rng: np.random.Generator, image: SingleArray) -> BoolArray:

@@ -17,10 +17,10 @@ from cccd.geometry.arrays import (
     offsets_of,
     split_ragged,
 )
-from cccd.settings.junctions import GraphSettings
 from cccd.tolerances import ROUNDING
 from cccd_junctions.delaunay import build_graph
 from cccd_networks.graphs import GraphSplit, read_graphs, write_graphs
+from cccd_networks.settings import GraphSettings
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.synthetic_maps import (
     ALL_KINDS,
@@ -30,8 +30,6 @@ from cccd_training.junctions.synthetic_maps import (
     draw_large_map,
     draw_map,
 )
-
-__all__ = ["generate_graphs", "read_maps"]
 
 logger = logging.getLogger(__name__)
 

@@ -10,8 +10,6 @@ import numpy as np
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray
 from cccd_junctions.delaunay import DelaunayGraph
 
-__all__ = ["fill_contours", "inside_shares", "link_labels"]
-
 # A sub-pixel raster this fine tells inside from outside in the half-pixel triangles between neighbours.
 _SUBPIXELS = 4
 

@@ -15,16 +15,14 @@ from torch import nn
 from tqdm import tqdm
 
 from cccd.errors import InputError
-from cccd.settings.junctions import NetworkSettings
 from cccd.store import atomic_path
 from cccd_junctions.checkpoint import save_model
 from cccd_networks.devices import chosen_device
+from cccd_networks.settings import NetworkSettings
 from cccd_training.checkpoints import Checkpoints
 from cccd_training.junctions.frozen_graphs import SPLITS, read_maps
 from cccd_training.junctions.start import fingerprint, start_from
 from cccd_training.junctions.tasks import Plan, Task, make_task
-
-__all__ = ["train_model", "train_task"]
 
 logger = logging.getLogger(__name__)
 

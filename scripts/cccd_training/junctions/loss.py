@@ -12,8 +12,6 @@ from cccd_junctions.delaunay import DelaunayGraph
 from cccd_junctions.energy import Energy, EnergyWeights, energy_of_logits, least_energy
 from cccd_junctions.graph_data import TRIANGLE_LINKS
 
-__all__ = ["cut_loss", "total_loss"]
-
 # Weight of the cut's loss beside the cross entropies: 0, 1 and 3 gave 0.511, 0.526 and 0.530 correct on 570
 # maps; chosen beyond them.
 _CUT_WEIGHT = 4.0

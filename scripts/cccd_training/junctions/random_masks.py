@@ -16,8 +16,6 @@ from cccd.geometry.arrays import AnyArray, ByteArray, SingleArray
 from cccd.geometry.opencv import components
 from cccd.tolerances import CONTRAST
 
-__all__ = ["draw_mask", "smooth_noise"]
-
 # Directions in which a polar outline is evaluated; finer than the pixels of the largest mask.
 _ANGLES = 4096
 
@@ -56,9 +54,6 @@ def draw_mask(rng: np.random.Generator) -> ByteArray:
         mask = _tidy(mask, holes)
         if mask.sum() >= _SMALLEST_PX:
             return np.pad(mask, 12)
-
-
-# Fields -----------------------------------------------------------------------------------------------
 
 
 def _field(rng: np.random.Generator, radius: float) -> AnyArray:
@@ -124,9 +119,6 @@ def _cut_polygon(rng: np.random.Generator, y: AnyArray, x: AnyArray, radius: flo
         bite = np.hypot(x - far * radius * np.cos(angle), y - far * radius * np.sin(angle))
         field = np.minimum(field, bite - radius * rng.uniform(0.4, far - 0.25))
     return field
-
-
-# Masks ------------------------------------------------------------------------------------------------
 
 
 def _with_inlet(rng: np.random.Generator, mask: ByteArray, radius: float) -> ByteArray:

@@ -33,8 +33,6 @@ from cccd_junctions.uncertainty import areas_between, doubt_facts
 from cccd_training.junctions.scoring import score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap, draw_map
 
-__all__ = ["Example", "draw_examples", "fit_doubt", "train_reranker"]
-
 #: How often each kind of map is drawn.
 KINDS = {
     "spurs": 1.5,
@@ -87,9 +85,6 @@ class Example:
     apart: SingleArray
 
 
-# Examples ---------------------------------------------------------------------------------------------
-
-
 def draw_examples(model: Predictor, seed: int, group: int) -> list[Example]:
     """Draw a group of maps and find the alternatives of those that are not outlines already."""
     rng = np.random.default_rng([seed, group])
@@ -127,9 +122,6 @@ def _draw(rng: np.random.Generator) -> SyntheticMap:
         drawn = draw_map(rng, kind, severity)
         if sum(map(len, drawn.contours)) >= SHORTEST_PX:
             return drawn
-
-
-# Training ---------------------------------------------------------------------------------------------
 
 
 def train_reranker(examples: Sequence[Example], epochs: int, seed: int) -> Reranker:
@@ -217,9 +209,6 @@ def _loss(scores: Tensor, there: Tensor, correct: Tensor, dice: Tensor) -> Tenso
     weights = torch.softmax((DICE_WORTH * dice).masked_fill(~there, _NEVER), dim=1)
     nearest = -(weights * logs.clamp(min=-30)).sum(dim=1)
     return torch.where(correct.any(dim=1), found, SECOND_BEST * nearest).mean()
-
-
-# Command ----------------------------------------------------------------------------------------------
 
 
 def _groups(model: Predictor, seed: int, maps: int, processes: int) -> Iterator[list[Example]]:

@@ -16,8 +16,6 @@ from cccd.metrics import dice
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import DelaunayGraph
 
-__all__ = ["CORRECT_DICE", "CORRECT_HAUSDORFF_PX", "SliceScore", "hausdorff", "score_labels", "score_slice"]
-
 #: A slice is correct when its curves agree with the true ones at least so well.
 CORRECT_DICE = 0.98
 CORRECT_HAUSDORFF_PX = 5.0

@@ -9,10 +9,8 @@ from pathlib import Path
 import torch
 from torch import nn
 
-from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.checkpoint import read_model
-
-__all__ = ["fingerprint", "start_from"]
+from cccd_networks.settings import NetworkSettings
 
 # Factor of messages that the weights of the start are without: what is new hardly acts at first.
 _NEW_MESSAGES = 0.1

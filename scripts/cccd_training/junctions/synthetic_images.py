@@ -18,8 +18,6 @@ from cccd.tolerances import CONTRAST
 from cccd_junctions.boundary import edge_map
 from cccd_training.junctions.random_masks import smooth_noise
 
-__all__ = ["canny_map", "draw_image"]
-
 
 def draw_image(rng: np.random.Generator, mask: ByteArray, size_px: float | None = None) -> SingleArray:
     """Draw a grey slice in which the mask (I, J) is an organ.

@@ -16,16 +16,6 @@ from cccd_training.junctions.labels import fill_contours
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.synthetic_images import canny_map, draw_image
 
-__all__ = [
-    "ALL_KINDS",
-    "KIND_WEIGHTS",
-    "RandomStream",
-    "SyntheticMap",
-    "draw_large_map",
-    "draw_map",
-    "truth_mask",
-]
-
 #: Corruptions of true contours, and edge maps of grey images inside a band and without one.
 ALL_KINDS: tuple[str, ...] = (*KINDS, "canny", "canny_whole")
 

@@ -15,16 +15,14 @@ from torch_geometric.loader import DataLoader
 
 from cccd.geometry.arrays import BoolArray
 from cccd.plugins import find, table
-from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.inference import SLICES_PER_BATCH
 from cccd_junctions.labelling import label_slice
 from cccd_junctions.network import JunctionNetwork
+from cccd_networks.settings import NetworkSettings
 from cccd_training.junctions.data import EpochMaps, FrozenMaps, label_map
 from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.scoring import SliceScore, score_labels
 from cccd_training.junctions.synthetic_maps import SyntheticMap
-
-__all__ = ["OurTask", "Plan", "Task", "link_and_curve_scores", "link_scores", "make_loader", "make_task"]
 
 
 @dataclass(frozen=True)

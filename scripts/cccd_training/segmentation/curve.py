@@ -8,8 +8,6 @@ import pandas as pd
 
 from cccd.store import atomic_path
 
-__all__ = ["draw_learning_curve"]
-
 
 def draw_learning_curve(path: str | Path, history: pd.DataFrame) -> None:
     """Draw loss and held-out Dice by epoch."""

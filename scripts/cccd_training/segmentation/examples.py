@@ -28,8 +28,6 @@ from cccd_segmentation.grids import WorkingGrid
 from cccd_segmentation.plan import Plan, make_intensity, orientation_of, spacing_of
 from cccd_segmentation.settings import SegmentationSettings
 
-__all__ = ["Example", "LabelledScan", "batches", "make_plan", "prepare", "split_patients"]
-
 #: Fewer patients cannot be split.
 _FEWEST = 2
 

@@ -18,8 +18,6 @@ from cccd.settings.imports import ImportSettings
 from cccd_datasets.whole_scans import read_scan, scan_phantom
 from cccd_training.segmentation.examples import LabelledScan
 
-__all__ = ["read_labelled_scan"]
-
 
 def read_labelled_scan(
     row: Mapping[str, str], folder: Path, settings: ImportSettings, labels: Sequence[int], seed: int = 0

@@ -11,8 +11,6 @@ from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
 from cccd.inputs.grid import bounding_box
 from cccd.metrics import dice
 
-__all__ = ["volume_scores"]
-
 
 def volume_scores(found: AnyArray, truth: AnyArray, spacing: AnyArray) -> dict[str, float]:
     """Dice, average symmetric surface distance and 95th percentile of the Hausdorff distance.

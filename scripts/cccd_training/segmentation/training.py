@@ -35,8 +35,6 @@ from cccd_training.segmentation.examples import (
 )
 from cccd_training.segmentation.scores import volume_scores
 
-__all__ = ["Trained", "score_held_out", "train_segmenter"]
-
 logger = logging.getLogger(__name__)
 
 #: Weight of each further output's loss beside the final one's (deep supervision).

@@ -14,8 +14,6 @@ from cccd_workflow.disk_space import check_room
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import Plan
 
-__all__ = ["PlannedJob", "check_jobs", "check_slurm", "extras_of"]
-
 #: Rules that need an extra whatever they work on; `extras_of` knows the others.
 _NEEDS = {
     "generate_graphs": "gnn",

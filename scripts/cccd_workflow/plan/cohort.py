@@ -10,14 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from cccd.dicom_objects import holds_contours, object_in
+from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError, nearest
 from cccd.request import Request, completed
 from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
 from cccd_workflow.remote import RemoteFile, is_remote, read_address
-
-__all__ = ["ContourWay", "OfCase", "OfDownload", "OfStructure", "PlannedCohort", "StructureName", "near"]
 
 #: The kinds of input that a row may name, and the functions that lead to the contours of each.
 Kind = Literal["boundary maps", "drawn contours", "mask"]
@@ -77,10 +75,19 @@ def near(path: str | Path) -> str:
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
-@functools.cache
-def _is_drawn(mask: Path) -> bool:
-    """Whether a mask is drawn contours; its first bytes are read once per plan."""
-    return holds_contours(mask)
+def holds_contours(path: Path) -> bool:
+    """Whether what the sheet names as a mask is drawn contours: an RTSTRUCT, or a folder with one.
+
+    Of a path that cannot be read the answer is no; the job that imports it says what is wrong.
+    """
+    try:
+        found = object_in(path)
+        return found.is_file() and dicom_modality(found) == "RTSTRUCT"
+    except (InputError, OSError):
+        return False
+
+
+_is_drawn = functools.cache(holds_contours)  # a file's first bytes are read once per plan
 
 
 @dataclass(frozen=True)

@@ -6,16 +6,16 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import cast
 
 from cccd.errors import InputError, nearest
 from cccd.plugins import table
 from cccd.settings.root import Settings
 from cccd_networks.model_header import check_model, check_start, read_segmenter_plan
+from cccd_networks.settings import NetworkSettings
 from cccd_segmentation.networks import networks
 from cccd_segmentation.settings import INSTALLED_SEGMENTERS, is_installed_segmenter
 from cccd_workflow.plan.cohort import PlannedCohort, near
-
-__all__ = ["MODEL", "JunctionPlan", "SegmenterPlan", "find_file"]
 
 #: The junction network in use.
 MODEL = "results/gnn/model.pt"
@@ -82,8 +82,8 @@ class JunctionPlan:
         InputError
             A configuration that asks for two ways, or a model that is not there or does not fit.
         """
-        gnn = settings.gnn
-        trained = _is_trained(settings, cohort, root)
+        gnn = cast(NetworkSettings, settings.gnn)  # the section as `cccd_networks` adds to it
+        trained = _is_trained(settings, gnn, cohort, root)
         models = root / "workflow" / "models"
         shipped, shipped_paper = near(models / "junctions.pt"), near(models / "paper.pt")
         start = _model_files("start", gnn.start, root)
@@ -139,9 +139,9 @@ class JunctionPlan:
         return _added_code("paper", *_TRAINING)
 
 
-def _is_trained(settings: Settings, cohort: PlannedCohort, root: Path) -> bool:
+def _is_trained(settings: Settings, gnn: NetworkSettings, cohort: PlannedCohort, root: Path) -> bool:
     """Whether the network is trained in this run."""
-    named = settings.gnn.pretrained
+    named = gnn.pretrained
     if settings.train is True and named:
         raise InputError(
             "config keys train and gnn.pretrained",
@@ -149,7 +149,7 @@ def _is_trained(settings: Settings, cohort: PlannedCohort, root: Path) -> bool:
             "set train: false, or gnn.pretrained to null",
         )
     trained = cohort.is_asked(settings.train, root) and not named
-    if settings.gnn.start and not trained:
+    if gnn.start and not trained:
         raise InputError("config key gnn.start", "nothing is trained in this run", "set train: true")
     return trained
 

@@ -10,8 +10,6 @@ from cccd_workflow.job import INTERRUPTED
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import OF_NO_CASE, Plan
 
-__all__ = ["failures", "report_failed_run", "report_good_run", "report_interrupted_run"]
-
 _REPORT = Path("results") / "report.html"
 
 

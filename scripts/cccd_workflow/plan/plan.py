@@ -14,17 +14,15 @@ from typing import Any, cast
 from cccd.errors import InputError
 from cccd.plugins import folders, table
 from cccd.project import PROJECT
-from cccd.request import IMAGES_ALONE
 from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
 from cccd.settings.root import Settings
 from cccd.settings.validation import validate_config
 from cccd_segmentation.networks import networks
+from cccd_workflow.cohort import IMAGES_ALONE
 from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
 from cccd_workflow.plan.networks import MODEL, JunctionPlan, SegmenterPlan, find_file
 from cccd_workflow.plan.resources import digest, digest_files
 from cccd_workflow.report.registry import Comparison, comparisons, inputs, items, registered
-
-__all__ = ["OF_NO_CASE", "Plan", "files_of_comparison"]
 
 #: Files of a case whose organs share their walls.
 SCENE = ("scene.glb", "segmentation.seg.nrrd", "scene.json", "scene.html")
@@ -127,7 +125,7 @@ class Plan:
     @property
     def readers(self) -> list[str]:
         """Functions of other packages that read or make what a row names, or find an organ in it."""
-        made = (*table("SOURCES").values(), *table("MASKS").values())
+        made = (path for name in ("SOURCES", "LAYOUTS", "MASKS") for path in table(name).values())
         return [*(reader.read for reader in table("READERS").values()), *made]
 
     # Structures and cases.

@@ -11,8 +11,6 @@ from typing import Any
 
 from cccd_workflow.dependencies import imported_files
 
-__all__ = ["digest", "digest_files", "memory", "minutes"]
-
 #: Every further attempt gets so many times the memory of the one before.
 _GROWTH = 1.5
 

@@ -8,8 +8,6 @@ from importlib import metadata
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["Provenance", "provenance"]
-
 #: Packages whose version can change a number in the report.
 PACKAGES = (
     "numpy",

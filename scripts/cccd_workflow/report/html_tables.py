@@ -14,8 +14,6 @@ import pandas as pd
 
 from cccd_workflow.report.numerals import number, shared_decimals
 
-__all__ = ["Cell", "Table", "TableColumn", "table", "words"]
-
 #: Endings of column names that are units, and how they are written.
 UNITS = {
     "_mm": "mm",

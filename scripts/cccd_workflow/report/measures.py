@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-__all__ = ["HEADLINES", "MEASURES", "Headline", "Measure"]
-
 
 class Headline(NamedTuple):
     """How a number by which a surface is judged at a glance is written.

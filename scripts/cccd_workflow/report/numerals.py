@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 
-__all__ = ["number", "shared_decimals", "typeset"]
-
 #: Numbers that need more decimals are written with an exponent.
 _MOST_DECIMALS = 7
 

@@ -13,8 +13,6 @@ from cccd_workflow.report.measures import HEADLINES
 from cccd_workflow.report.numerals import number
 from cccd_workflow.report.structure_view import StructureView, headline_label, headline_value
 
-__all__ = ["WarningKind", "headline_frame", "kinds_of_warnings", "overview", "source_table"]
-
 
 def overview(views: Sequence[StructureView]) -> Table | None:
     """Show what a person asks first of every structure; ``tables/structures.csv`` has more."""

@@ -18,9 +18,9 @@ import numpy as np
 import pandas as pd
 from markupsafe import Markup
 
-from cccd.console import duration
 from cccd.geometry.mesh import Mesh
 from cccd.plugins import find
+from cccd_labels.progress import duration
 from cccd_viewers.page_files import View
 from cccd_viewers.viewer import case_figure, packed, surface_figure
 from cccd_workflow.report.html_tables import Table, table
@@ -31,8 +31,6 @@ from cccd_workflow.report.results import Results
 from cccd_workflow.report.structure_view import StructureView, figure_view, view_structure
 from cccd_workflow.report.summary import Cohort, benchmark_table, build_tables, read_cohort
 from cccd_workflow.report.templates import shared_facts, write_page
-
-__all__ = ["build_case_page", "build_comparison_page", "build_report", "build_report_of_finished"]
 
 #: Width in pixels of a picture in the cohort's page.
 _THUMB_WIDTH = 360
@@ -263,9 +261,6 @@ def build_comparison_page(
             **shared_facts({}),
         },
     )
-
-
-# Tables and figures -------------------------------------------------------------------------------------
 
 
 def _sections(results: Results) -> list[tuple[str, str, str, list[ItemView]]]:

@@ -14,9 +14,6 @@ from matplotlib.ticker import MaxNLocator
 from cccd_workflow.report.html_tables import words
 from cccd_workflow.report.svg import DASHES, INK, RULE, SERIES, SOFT, axes, style, to_svg
 
-__all__ = ["label_of", "learning_curve", "ranges", "rule_times", "strips"]
-
-
 #: Values whose largest is this many times the smallest are drawn on a logarithmic axis.
 _WIDE = 20
 

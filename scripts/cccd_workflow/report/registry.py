@@ -18,8 +18,6 @@ from typing import Any, Literal
 
 from cccd.plugins import table
 
-__all__ = ["Comparison", "Input", "Item", "comparisons", "inputs", "items", "registered", "sections"]
-
 
 @dataclass(frozen=True)
 class Input:

@@ -20,17 +20,6 @@ import numpy as np
 if TYPE_CHECKING:
     from cccd.geometry.mesh import Mesh
 
-__all__ = [
-    "VIEWS",
-    "VTK_PACKAGE",
-    "Camera",
-    "Renderer",
-    "frame_view",
-    "paint_mesh",
-    "picture_renderer",
-    "render_surface",
-]
-
 Renderer = Literal["vtk", "matplotlib"]
 
 #: The one Debian package that lets VTK draw without a display (Mesa's software rasteriser).
@@ -107,9 +96,6 @@ def picture_renderer(png_path: str | Path) -> Renderer | None:
     return stamp if stamp in ("vtk", "matplotlib") else None
 
 
-# VTK, in a process of its own ------------------------------------------------------------------------
-
-
 def _render_with_vtk(ply_path: Path, png_path: Path, pixels: int) -> bool:
     """Whether the other process drew the picture; False when it crashed, failed or hung."""
     command = [sys.executable, "-P", __file__, str(ply_path), str(png_path), str(_OVERSAMPLED * pixels)]
@@ -153,9 +139,6 @@ def _draw_with_vtk(ply_path: str, raw_path: str, pixels: int) -> None:
     picture = vtk.vtkWindowToImageFilter(input=window, read_front_buffer=False, input_buffer_type=4)  # RGBA
     picture.Update()
     Path(raw_path).write_bytes(picture.output.point_data.scalars)
-
-
-# matplotlib, when VTK cannot -------------------------------------------------------------------------
 
 
 def frame_view(axes, points: np.ndarray) -> np.ndarray:

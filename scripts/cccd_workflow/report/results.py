@@ -9,12 +9,11 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from cccd import store
 from cccd_networks.graphs import GraphSplit, read_graph_facts, read_graphs
 from cccd_viewers.page_files import SliceFigure, read_figure, read_view
+from cccd_workflow import stage_files
 from cccd_workflow.report.registry import Comparison, Item
 
 if TYPE_CHECKING:
     import pandas as pd
-
-__all__ = ["Results", "StructureFiles"]
 
 Found = TypeVar("Found")
 
@@ -40,23 +39,23 @@ class StructureFiles:
 
     def facts(self):
         """Read the frame, the provenance and the warnings."""
-        return _if_there(store.read_structure_facts, self.folder / "structure.h5")
+        return _if_there(stage_files.read_structure_facts, self.folder / "structure.h5")
 
     def boundaries(self):
         """Read the boundary's pixels."""
-        return _if_there(store.read_boundaries, self.folder / "boundaries.h5")
+        return _if_there(stage_files.read_boundaries, self.folder / "boundaries.h5")
 
     def curves(self):
         """Read the ordered curves."""
-        return _if_there(store.read_curves, self.folder / "curves.h5")
+        return _if_there(stage_files.read_curves, self.folder / "curves.h5")
 
     def splines(self):
         """Read the closed splines."""
-        return _if_there(store.read_splines, self.folder / "curves.h5")
+        return _if_there(stage_files.read_splines, self.folder / "curves.h5")
 
     def corners(self):
         """Read the corner points and their offsets."""
-        return _if_there(store.read_corners, self.folder / "curves.h5")
+        return _if_there(stage_files.read_corners, self.folder / "curves.h5")
 
     def bodies(self):
         """Read the surface's closed splines; one whose walls are shared has none."""

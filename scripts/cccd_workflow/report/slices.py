@@ -13,8 +13,6 @@ import shapely
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd_workflow.report.results import StructureFiles
 
-__all__ = ["LAYERS", "SliceSheet", "draw_slices"]
-
 #: What lies over a slice, by its class in the page.
 LAYERS = {
     "boundary": "boundary pixels",

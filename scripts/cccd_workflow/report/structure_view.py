@@ -21,12 +21,6 @@ from cccd_workflow.report.results import Results, StructureFiles
 from cccd_workflow.report.slices import SliceSheet, draw_slices
 from cccd_workflow.report.templates import shared_facts, write_page
 
-__all__ = [
-    "StructureView", "build_structure_page", "encode_picture", "figure_view", "headline_label",
-    "headline_value", "view_structure",
-]  # fmt: skip
-
-
 #: Width in pixels of the picture in a structure's page.
 _PAGE_WIDTH = 900
 

@@ -13,16 +13,6 @@ from cccd.store import read_json, read_table
 from cccd_workflow.report.measures import MEASURES
 from cccd_workflow.report.registry import Item, comparisons, items
 
-__all__ = [
-    "Cohort",
-    "benchmark_table",
-    "build_tables",
-    "distances",
-    "read_cohort",
-    "structure_names",
-    "structures",
-]
-
 
 class Cohort:
     """The rows that the comparisons left for every structure, and everything measured on each.
@@ -97,9 +87,6 @@ def structure_names(frame: pd.DataFrame) -> pd.Series:
 def distances(cohort: Cohort) -> pd.DataFrame:
     """List the least distances between neighbouring organs of all cases."""
     return pd.concat(cohort.distances, ignore_index=True) if cohort.distances else pd.DataFrame()
-
-
-# Tables out of metrics.json -----------------------------------------------------------------------------
 
 
 def structures(cohort: Cohort) -> pd.DataFrame:

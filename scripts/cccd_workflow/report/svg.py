@@ -23,8 +23,6 @@ from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
 from PIL import Image
 
-__all__ = ["DASHES", "INK", "MARKERS", "RULE", "SERIES", "SOFT", "axes", "legend_below", "style", "to_svg"]
-
 #: Marker colours and the variables that replace them.
 INK, SOFT, RULE = "#010203", "#010204", "#010205"
 

@@ -17,8 +17,6 @@ from cccd_workflow.report.facts import provenance
 from cccd_workflow.report.numerals import number
 from cccd_workflow.report.render import VIEWS, VTK_PACKAGE
 
-__all__ = ["shared_facts", "write_page"]
-
 
 def shared_facts(config: Mapping[str, Any]) -> dict[str, Any]:
     """Collect what all pages need."""

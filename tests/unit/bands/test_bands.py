@@ -12,7 +12,6 @@ import cccd
 from cccd.bands import Band, Calibration, estimate_band
 from cccd.bands.calibration import SHIPPED, SHIPPED_SHA256
 from cccd.bands.readers import Reader
-from cccd.bands.samples import draw_meshes
 from cccd.bands.signs import SIGNS, Slices, signs_of
 from cccd.cli import main
 from cccd.errors import InputError
@@ -25,6 +24,7 @@ from cccd.surface.between import DISTANCES, Between, distance_table, least_dista
 from cccd.surface.loft import FACTOR
 from cccd.surface.surface import read_surface
 from cccd_calibration.readers import Pair, calibrate_readers
+from cccd_calibration.samples import draw_meshes
 
 
 def body(axes, spacing):
@@ -168,9 +168,6 @@ def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
     assert "annotate slice 16 next" in capsys.readouterr().out
     assert main(["next", str(save(tmp_path / "ball.nii.gz", mask, affine))]) == 1
     assert "no slice is left to draw" in capsys.readouterr().err
-
-
-# calibration ------------------------------------------------------------------------------------------
 
 
 def sheet(folder, count, size=9):

@@ -14,10 +14,10 @@ from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import _along_curve, _along_reference, corner_splines, fit_checked, fit_splines
 from cccd.curves.knots import reference
-from cccd.curves.measures import area_scores, distances
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
+from cccd_workflow.curve_measures import area_scores, distances
 
 
 def at_most(budget):
@@ -152,9 +152,6 @@ def test_the_same_curves_give_the_same_splines_in_any_company(blob, curves_of):
         assert np.array_equal(alone.knots, knots)
 
 
-# The paper's splines --------------------------------------------------------------------------------
-
-
 def test_corner_splines_are_equation_9(blob):
     curves = blob(1)[1]
     corner = k_cosine_corners(curves.points, curves.offsets, 7)
@@ -207,9 +204,6 @@ def test_splines_are_nearer_to_the_outline_than_its_pixels_are(seed):
     spline = shapely.Polygon(fit_splines(curves, at_most(0.1)).sample(8).points)
     assert to_outline(spline) > 0.998
     assert dice_of(spline, pixels) > to_outline(pixels)
-
-
-# What the check finds, and mends ---------------------------------------------------------------------
 
 
 def ring_of(control, knots):

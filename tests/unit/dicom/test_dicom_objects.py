@@ -9,8 +9,10 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
 from support import fresh
 
-from cccd.dicom_objects import dicom_modality, holds_contours, lies_in_its_series, object_in
+from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
+from cccd_dicom.references import lies_in_its_series
+from cccd_workflow.plan.cohort import holds_contours
 
 
 def write(path: Path, modality: str, **uids: str) -> Path:
@@ -67,7 +69,7 @@ def test_each_file_beside_an_object_is_read_once(tmp_path, monkeypatch):
 def test_a_scan_is_not_opened_beyond_its_first_bytes_nor_pydicom_imported_for_it(tmp_path):
     np.zeros(100).tofile(tmp_path / "mask.nii")
     code = (
-        "import sys; from pathlib import Path; from cccd.dicom_objects import holds_contours\n"
+        "import sys; from pathlib import Path; from cccd_workflow.plan.cohort import holds_contours\n"
         "assert not holds_contours(Path(sys.argv[1])); assert 'pydicom' not in sys.modules"
     )
     fresh.python(code, tmp_path / "mask.nii")

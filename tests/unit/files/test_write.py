@@ -67,9 +67,6 @@ def test_vtp_says_its_frame_and_has_curvature_and_the_body_at_its_vertices(surfa
     assert np.median(values["curvature"]) > 0
 
 
-# programs of others -----------------------------------------------------------------------------------
-
-
 def program(name, package):
     if shutil.which(name) is None:
         pytest.skip(f"{name} is not installed (Debian's {package})")
@@ -220,11 +217,6 @@ def test_a_folder_is_refused_in_one_line(surface, tmp_path):
     (tmp_path / "organ.stl").mkdir()
     with pytest.raises(InputError, match=r"organ\.stl: that is a folder"):
         write_surface(tmp_path / "organ.stl", surface)
-
-
-def test_an_unknown_format_names_the_known_ones(surface, tmp_path):
-    with pytest.raises(InputError, match=r"\.step"):
-        write_surface(tmp_path / "surface.unknown", surface)
 
 
 def test_a_failed_write_leaves_no_file(surface, tmp_path, monkeypatch):

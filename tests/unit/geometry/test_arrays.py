@@ -18,17 +18,6 @@ def test_owner_and_rank_name_every_member(counts):
 
 
 @settings(deadline=None)
-@given(COUNTS, st.integers(0, 2**32 - 1))
-def test_splitting_undoes_joining(counts, seed):
-    parts = [np.random.default_rng(seed).integers(0, 99, (count, 2)) for count in counts]
-    values, offsets = arrays.concatenate_ragged(parts)
-    back = arrays.split_ragged(values, offsets)
-    assert len(back) == len(parts)
-    assert all(map(np.array_equal, back, parts))
-    assert arrays.sum_per_part(values[:, 0], offsets).tolist() == [part[:, 0].sum() for part in parts]
-
-
-@settings(deadline=None)
 @given(COUNTS)
 def test_going_round_a_part_takes_as_many_steps_as_it_has_members(counts):
     offsets = arrays.offsets_of(counts)

@@ -5,7 +5,6 @@ import pytest
 from support.solids import box, sphere
 
 from cccd.geometry.distance import (
-    grid_to_mesh,
     nearest_faces,
     nearest_points,
     to_mask,
@@ -85,16 +84,3 @@ def test_lines_meet_a_box_where_they_enter_or_leave_it():
     starts = np.array([(-10, 0.3, 0.2), (0.1, 0.3, 0.2), (-10, 0.3, 0.2), (-10, 9.0, 0.0)])
     ends = np.array([(10, 0.3, 0.2), (0.1, 10.3, 0.2), (-3, 0.3, 0.2), (10, 9.0, 0.0)])
     np.testing.assert_allclose(Lines(box((4.0, 6.0, 5.0))).first_hits(starts, ends), [0.4, 0.27, 1, 1])
-
-
-def test_distance_on_a_grid_is_that_of_the_box_within_the_band():
-    mesh, half = box((4.0, 6.0, 5.0)), np.array([2.0, 3.0, 2.5])
-    low = np.array([-3.37, -4.21, -3.91])
-    grid = grid_to_mesh(mesh, low, 0.5, (14, 18, 16), 3.0)
-    nodes = low + 0.5 * np.argwhere(np.ones(grid.values.shape))
-    beyond = np.abs(nodes) - half
-    exact = np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
-    assert grid.values.ravel() == pytest.approx(np.clip(exact, -1.5, 1.5), abs=1e-5)
-    again = grid.isosurface(0.0)
-    assert again.is_closed_manifold
-    assert again.volume == pytest.approx(mesh.volume, rel=0.03)  # the grid cuts edges off

@@ -24,13 +24,6 @@ def test_volume_area_and_bending_of_a_sphere():
     assert mesh.bending_per_area == pytest.approx(2 / 100, rel=0.035)
 
 
-@pytest.mark.parametrize("scale", [0.5, 3.0])
-def test_bending_scales_with_the_inverse_square(scale):
-    mesh = sphere(10)
-    scaled = mesh.transformed(np.diag([scale, scale, scale, 1]))
-    assert scaled.bending_per_area == pytest.approx(mesh.bending_per_area / scale**2)
-
-
 def test_closedness_sees_holes_flips_and_touching_vertices():
     faces = sphere().faces
     assert closed(faces)
@@ -44,13 +37,6 @@ def test_closedness_sees_holes_flips_and_touching_vertices():
     other = np.array([[0, 5, 4], [0, 4, 6], [4, 5, 6], [0, 6, 5]])
     assert closed(tetrahedron)
     assert not closed(np.vstack([tetrahedron, other]))
-
-
-def test_self_intersections_are_found_and_only_they():
-    mesh = sphere()
-    assert len(mesh.self_intersections()) == 0
-    assert len(together(mesh, sphere(10, (12.3, 0.7, 0.4))).self_intersections()) > 20
-    assert len(together(mesh, sphere(10, (42.3, 0.7, 0.4))).self_intersections()) == 0
 
 
 def test_every_crossing_pair_is_found():

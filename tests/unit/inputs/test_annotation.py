@@ -11,11 +11,12 @@ from cccd.errors import InputError
 from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
-from cccd.store import read_compared, read_drawn, read_structure, write_structure
+from cccd.store import read_drawn, read_structure, write_structure
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 from cccd_workflow.cohort import read_cohort
+from cccd_workflow.stage_files import read_compared
 
 ORIGIN = np.array([3, 10, 20])
 
@@ -35,9 +36,6 @@ def only(mask, slices):
 
 def found(mask, rule="auto"):
     return find_annotation(np.moveaxis(mask, 2, 0), ORIGIN, rule, "mask")
-
-
-# which slices were drawn ----------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("slices", [range(12, 70, 5), range(12, 70, 10), [11, 14, 25, 40, 45, 64]])
@@ -113,9 +111,6 @@ def test_planes_across_the_slices_are_told_from_slices(i, j, slices):
 
 def test_a_mask_of_every_slice_has_no_planes_across():
     assert drawn_slices(np.moveaxis(ellipsoid(), 2, 0)).planes == []
-
-
-# what becomes of them -------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -211,9 +206,6 @@ def test_a_plane_across_says_where_an_organ_ends():
     ]
     assert np.abs(ends[0] - [9.5, 69.5]).max() < 0.8
     assert np.abs(ends[1] - [9.5, 69.5]).max() > 1.5
-
-
-# from the sheet to the figures ----------------------------------------------------------------------
 
 
 def test_what_was_drawn_is_stored_and_is_all_that_is_measured_against(tmp_path):

@@ -43,9 +43,6 @@ def refused(folder, *parts, columns=None, **changes):
     return message
 
 
-# volumes --------------------------------------------------------------------------------------------
-
-
 def nifti(values, affine=None, name="mask.nii"):
     """Writes a volume of these values."""
     return lambda folder: scans.write_nifti(
@@ -225,9 +222,6 @@ def test_boundary_that_is_no_boundary(tmp_path):
 def test_scan_of_one_grey_value(tmp_path):
     scans.write_nifti(tmp_path / "image.nii", np.zeros(MASK.shape, np.int16), scans.affine_of())
     refused(tmp_path, "image.nii", columns={"image": "image.nii"})
-
-
-# DICOM ----------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -436,9 +430,6 @@ def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
     refused(tmp_path, "promises more voxels", columns={"mask": name})
 
 
-# anything -------------------------------------------------------------------------------------------
-
-
 def loads_or_refuses(folder, columns):
     """Either a structure or one line; any other error fails the test."""
     try:
@@ -512,9 +503,6 @@ def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
         assert "\n" not in str(error)  # noqa: PT017
     else:
         assert all(shapely.LinearRing(points).is_simple for points in curves)
-
-
-# what is doubtful is said ------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(("apart", "said"), [(50.0, True), (0.2, False)])

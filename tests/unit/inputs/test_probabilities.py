@@ -91,9 +91,6 @@ def test_the_probabilities_of_a_cut_mask_are_a_mask(tmp_path):
     assert any("as sharp as a mask" in note for note in structure.warnings)
 
 
-# nnU-Net -------------------------------------------------------------------------------------------
-
-
 def test_nnunet_probabilities_lie_where_its_own_label_map_lies():
     written = nibabel.load(NNUNET / "case.nii.gz")
     labels = np.asanyarray(written.dataobj)

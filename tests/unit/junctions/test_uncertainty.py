@@ -5,9 +5,7 @@ import numpy as np
 from test_inference import FRAME, SHIPPED, boundaries, raster_order
 from test_stacks import clear, disc
 
-from cccd import store
 from cccd.containers import Curves, FittedCurves, Splines
-from cccd.contours import doubtful_slices
 from cccd.geometry.opencv import border_pixels
 from cccd.settings.junctions import InferenceSettings
 from cccd_junctions.alternatives import FEATURES
@@ -22,6 +20,8 @@ from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, chance_of_error, doub
 from cccd_training.junctions.reranker import Example, fit_doubt
 from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
+from cccd_workflow import stage_files
+from cccd_workflow.curve_measures import doubtful_slices
 
 
 def two_circles(gap, doubt):
@@ -134,13 +134,15 @@ def test_doubtful_slices_are_listed_and_their_uncertainty_is_stored(tmp_path):
         curves.points, curves.offsets, np.arange(5.0), np.zeros(len(curves) + 1, np.int64),
         curves.slice, curves.hole, 3, FRAME,
     )  # fmt: skip
-    store.write_contours(tmp_path / "contours.h5", curves, report)
-    read = store.read_curves(tmp_path / "contours.h5")
+    stage_files.write_contours(tmp_path / "contours.h5", curves, report)
+    read = stage_files.read_curves(tmp_path / "contours.h5")
     codes = np.zeros(len(read.points), np.uint8)
-    store.write_curves(
+    stage_files.write_curves(
         tmp_path / "curves.h5", FittedCurves(read, codes, read.points, read.offsets, splines, {})
     )
-    np.testing.assert_array_equal(store.read_curves(tmp_path / "curves.h5").uncertainty, curves.uncertainty)
+    np.testing.assert_array_equal(
+        stage_files.read_curves(tmp_path / "curves.h5").uncertainty, curves.uncertainty
+    )
 
 
 def test_a_stricter_share_lists_more_and_the_shipped_weights_are_those_of_the_guarantee():
@@ -163,6 +165,6 @@ def test_traced_curves_have_no_uncertainty_and_the_decoder_alone_none_either(tmp
     curves, report = order_boundaries(boundaries([raster_order(border_pixels(disc(20))[0])]), None)
     assert curves.uncertainty is None
     assert doubtful_slices(report) == []
-    store.write_contours(tmp_path / "contours.h5", curves, report)
-    assert isinstance(back := store.read_curves(tmp_path / "contours.h5"), Curves)
+    stage_files.write_contours(tmp_path / "contours.h5", curves, report)
+    assert isinstance(back := stage_files.read_curves(tmp_path / "contours.h5"), Curves)
     assert back.uncertainty is None

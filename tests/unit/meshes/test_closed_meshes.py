@@ -7,16 +7,17 @@ import numpy as np
 import pytest
 import trimesh
 from support import scans
-from support.solids import egg, mesh_of
+from support.solids import box, egg, mesh_of
 
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import surface_distances
 from cccd_meshes import closed_meshes
 from cccd_meshes.closed_meshes import mend
+from cccd_meshes.distance_grid import grid_to_mesh
+from cccd_meshes.read_meshes import read_mesh
 
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)
@@ -179,3 +180,16 @@ def test_an_open_mesh_names_its_holes():
             Mesh(np.array(solid.vertices), np.array(solid.faces)[np.array(solid.triangles_center)[:, 2] < 5]),
             "egg",
         )
+
+
+def test_distance_on_a_grid_is_that_of_the_box_within_the_band():
+    mesh, half = box((4.0, 6.0, 5.0)), np.array([2.0, 3.0, 2.5])
+    low = np.array([-3.37, -4.21, -3.91])
+    grid = grid_to_mesh(mesh, low, 0.5, (14, 18, 16), 3.0)
+    nodes = low + 0.5 * np.argwhere(np.ones(grid.values.shape))
+    beyond = np.abs(nodes) - half
+    exact = np.linalg.norm(np.maximum(beyond, 0), axis=1) + np.minimum(beyond.max(axis=1), 0)
+    assert grid.values.ravel() == pytest.approx(np.clip(exact, -1.5, 1.5), abs=1e-5)
+    again = grid.isosurface(0.0)
+    assert again.is_closed_manifold
+    assert again.volume == pytest.approx(mesh.volume, rel=0.03)  # the grid cuts edges off

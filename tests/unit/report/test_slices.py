@@ -12,10 +12,11 @@ from support.sample_results import BAND, BOUNDARIES, write_results
 from support.shapes import structure_of
 
 from cccd.containers import Frame
-from cccd.store import write_boundaries, write_structure
+from cccd.store import write_structure
 from cccd_junctions.boundary import extract_boundaries
 from cccd_workflow.report.results import StructureFiles
 from cccd_workflow.report.slices import _display, _letters, draw_slices
+from cccd_workflow.stage_files import write_boundaries
 
 
 @pytest.fixture(scope="module")

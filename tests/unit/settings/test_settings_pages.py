@@ -95,10 +95,6 @@ def test_every_key_is_on_the_page_and_in_the_defaults():
         assert inside == key.default, key.dotted
 
 
-def test_defaults_stay_readable():
-    assert max(len(line) for line in yaml_defaults().splitlines()) <= 130
-
-
 def test_editors_accept_the_defaults_and_refuse_what_the_models_refuse():
     schema = yaml.safe_load(editor_schema())
     Draft202012Validator.check_schema(schema)

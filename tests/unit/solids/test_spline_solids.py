@@ -93,9 +93,6 @@ def test_quads_are_halved_where_normals_jump():
     assert SplineShell.of(cube(size=10.0)).jumps.mean() > 0.3
 
 
-# by OpenCASCADE ---------------------------------------------------------------------------------------
-
-
 def solid(path, surface):
     pytest.importorskip("OCP", reason="cadquery-ocp-novtk is not installed")
     return write_surface(path, surface, ExportOptions("organ"))

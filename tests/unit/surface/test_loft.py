@@ -166,13 +166,6 @@ def test_what_only_the_cut_slice_shows_is_kept():
     assert surface.vertices[:, 2].min() == pytest.approx(-1.5)
 
 
-def test_separate_bodies_stay_separate():
-    mask = ball((50, 90, 50), (25, 24, 25), 15) | ball((50, 90, 50), (25, 64, 25), 15)
-    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
-    assert_sound(surface)
-    assert surface.report["bodies"] == 2
-
-
 @pytest.mark.parametrize(("missing", "bodies"), [(2, 1), (9, 2)])
 def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
     x, y, _ = grid(40, 40, 40)
@@ -197,13 +190,6 @@ def test_a_single_triangle_is_enough():
     frame = Frame(np.eye(4), 2, (30, 30, 9))
     curves = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
     assert_sound(loft_surface(Sections(curves), SETTINGS))
-
-
-def test_dozens_of_specks_do_not_raise():
-    rng = np.random.default_rng(0)
-    mask = ball((60, 60, 40), (30, 30, 20), 14)
-    mask[tuple(rng.integers(1, 39, (3, 80)))] = True
-    assert_sound(loft_surface(Sections(curves_of(mask)), SETTINGS))
 
 
 def test_what_is_lost_is_told_by_its_volume(whole_ball):

@@ -126,9 +126,6 @@ def test_few_tissues_are_kept_and_laws_are_binned(tmp_path):
         assert (weights @ binned.young[binned.number]) == pytest.approx(weights @ exact)
 
 
-# Through the files ------------------------------------------------------------------------------------
-
-
 def two_tissues(folder, **changes):
     """Return the bar whose left half is soft and whose right half is stiff, by its scan."""
     pytest.importorskip("pytetwild", reason="the extra fe is not installed")

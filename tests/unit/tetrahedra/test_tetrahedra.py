@@ -183,8 +183,6 @@ def test_the_filling_ends_with_a_killed_parent():
     assert psutil.wait_procs(children, timeout=10)[1] == []
 
 
-# What others read -------------------------------------------------------------------------------------
-
 GMSH = """
 import json, sys, gmsh
 gmsh.initialize()

@@ -164,9 +164,6 @@ def test_what_is_no_tube_is_refused_and_a_lone_piece_left_out():
     assert "1 piece" in found.notes[0]
 
 
-# Files ------------------------------------------------------------------------------------------------
-
-
 @pytest.fixture(scope="module")
 def forked():
     return lines_of_fork(FINE)
@@ -223,9 +220,6 @@ def test_morphio_reads_the_samples(forked, tmp_path):
     assert len(neuron.sections) == 3
     sums = sorted(np.linalg.norm(np.diff(part.points, axis=0), axis=1).sum() for part in neuron.sections)
     assert sums == pytest.approx(sorted(branch.length for branch in forked.branches), rel=1e-3)
-
-
-# The command ------------------------------------------------------------------------------------------
 
 
 def test_the_command_writes_what_it_prints(tmp_path, monkeypatch, capsys):

@@ -25,9 +25,6 @@ def forked():
     return mesh, find_centrelines(mesh, 1.0)
 
 
-# Walls ------------------------------------------------------------------------------------------------
-
-
 @pytest.mark.parametrize("outwards", [False, True])
 def test_the_wall_of_a_sphere_is_as_thick_as_asked_for(outwards):
     ball = mesh_of(trimesh.creation.icosphere(5, 15.0))
@@ -60,9 +57,6 @@ def test_a_wall_that_fills_the_body_is_refused():
         hollow_wall(ball, 0.0, False, "ball")
     with pytest.raises(InputError, match="needs a grid of"):
         hollow_wall(ball, 0.01, False, "ball")
-
-
-# Ends -------------------------------------------------------------------------------------------------
 
 
 def test_ends_are_flat_square_and_named(forked):
@@ -127,9 +121,6 @@ def test_a_tube_without_ends_is_refused():
     found = find_centrelines(cccd.reconstruct(mask, affine).lofted.mesh, 1.0)
     with pytest.raises(InputError, match=r"no branch has a free end.*cut the mask open"):
         find_ends(found, "ring")
-
-
-# Files ------------------------------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")

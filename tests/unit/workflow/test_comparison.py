@@ -11,10 +11,10 @@ from support.solids import mesh_of
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.read_meshes import read_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import solid_dice, surface_distances
+from cccd.metrics import surface_distances
 from cccd.surface.measure import measure_agreement
+from cccd_meshes.read_meshes import read_mesh
 from cccd_workflow.comparison import compare, missed_limits
 
 AFFINE = np.array([[0.8, 0, 0, -12], [0, -0.8, 0, 14], [0, 0, 1.5, -16], [0, 0, 0, 1.0]])
@@ -72,12 +72,6 @@ def test_the_hausdorff_distance_finds_a_lone_tip():
     vertices[0] *= 1.5
     found = surface_distances(Mesh(vertices, smooth.faces), smooth, np.random.default_rng(0), 2000)
     assert found["hausdorff"] == pytest.approx(5, abs=0.05)
-
-
-def test_solids_that_do_not_meet_or_are_one_have_dice_0_and_1():
-    first, second = (mesh_of(sphere(5, centre)) for centre in ((0, 0, 0), (20, 0, 0)))
-    assert solid_dice(first, second) == 0
-    assert solid_dice(first, first) == pytest.approx(1)
 
 
 def test_a_surface_and_its_mask_have_the_report_s_figures(here):

@@ -9,8 +9,6 @@ from __future__ import annotations
 from cccd_paper.comparisons.baselines import Baseline
 from cccd_paper.comparisons.pixel_corners import fast, harris, shi_tomasi, susan
 
-__all__ = ["CORNER_DETECTORS"]
-
 CORNER_DETECTORS = {
     "harris": Baseline("FUSE1 (Harris)", harris, "OpenCV"),
     "shi_tomasi": Baseline("FUSE2 (Shi-Tomasi)", shi_tomasi, "OpenCV"),

@@ -14,8 +14,6 @@ from cccd_paper.comparisons.decoders import (
     seeded_watershed,
 )
 
-__all__ = ["DECODERS"]
-
 #: By the names the tables use; those marked "seeded" get a point inside the organ.
 DECODERS = {
     method.title: method

@@ -16,8 +16,6 @@ from cccd_paper.comparisons.reconstruction.peel import peel
 from cccd_paper.comparisons.reconstruction.sigdt import sigdt
 from cccd_paper.comparisons.reconstruction.tour import tour
 
-__all__ = ["RECONSTRUCTIONS", "reconstruct"]
-
 RECONSTRUCTIONS = {
     "connect2d": Baseline("Connect2D", connect2d, "written from the publication; order of steps ours"),
     "crawl": Baseline("Crawl", crawl, "written from the publication"),

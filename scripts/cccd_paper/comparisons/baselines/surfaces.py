@@ -17,8 +17,6 @@ from cccd_paper.comparisons.tensor_product_loft import TUNED, tensor_product_lof
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import GRID, Smoothing
 
-__all__ = ["FAMILIES", "SURFACES", "Family", "Program"]
-
 
 @dataclass(frozen=True)
 class Family:

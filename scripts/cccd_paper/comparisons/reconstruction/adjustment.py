@@ -11,8 +11,6 @@ import numpy as np
 from cccd.geometry._jit import jit
 from cccd_paper.comparisons.reconstruction.delaunay import Triangulation
 
-__all__ = ["adjust_boundary"]
-
 
 def adjust_boundary(mesh: Triangulation, in_graph: np.ndarray, piece: np.ndarray) -> np.ndarray:
     """Turn a graph of Delaunay edges into boundaries that pass each point once.

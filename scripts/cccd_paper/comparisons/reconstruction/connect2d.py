@@ -13,8 +13,6 @@ from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.adjustment import adjust_boundary
 from cccd_paper.comparisons.reconstruction.delaunay import Triangulation, triangulate
 
-__all__ = ["connect2d"]
-
 
 def connect2d(points: np.ndarray) -> np.ndarray:
     """Close the minimum boundary complex into one polygon by inflating and sculpting.

@@ -9,8 +9,6 @@ from cccd.tolerances import ROUNDING
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import triangulate
 
-__all__ = ["crawl"]
-
 
 def crawl(points: np.ndarray) -> np.ndarray:
     """Crawl from the shortest Delaunay edges in both directions, always to the nearest point ahead.

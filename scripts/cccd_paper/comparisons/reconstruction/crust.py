@@ -11,8 +11,6 @@ from scipy.spatial import QhullError, Voronoi
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import triangulate
 
-__all__ = ["crust"]
-
 
 def crust(points: np.ndarray) -> np.ndarray:
     """Edges between points in the Delaunay triangulation of the points and their Voronoi vertices.

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import Delaunay, QhullError
 
-__all__ = ["Triangulation", "first_of_each", "triangulate"]
-
 
 @dataclass(frozen=True)
 class Triangulation:

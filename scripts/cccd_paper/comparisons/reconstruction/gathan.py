@@ -7,8 +7,6 @@ import numpy as np
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import first_of_each, triangulate
 
-__all__ = ["gathan"]
-
 #: An edge's Voronoi dual may lean this much against the normals at its ends.
 ANGLE_DEGREES = 35.0
 #: The Voronoi dual is at least this many times as long as the edge.

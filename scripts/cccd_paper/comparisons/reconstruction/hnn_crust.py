@@ -11,8 +11,6 @@ from cccd.tolerances import ROUNDING
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import first_of_each, triangulate
 
-__all__ = ["hnn_crust"]
-
 
 def hnn_crust(points: np.ndarray) -> np.ndarray:
     """Link each point to its nearest and its half-nearest neighbour, where both ends agree.

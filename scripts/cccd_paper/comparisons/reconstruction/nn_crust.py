@@ -8,8 +8,6 @@ from cccd.tolerances import ROUNDING
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import first_of_each, triangulate
 
-__all__ = ["nn_crust"]
-
 
 def nn_crust(points: np.ndarray) -> np.ndarray:
     """Link each point to its nearest neighbour and to its nearest one in the half-plane beyond.

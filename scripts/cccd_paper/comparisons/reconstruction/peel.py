@@ -10,8 +10,6 @@ import numpy as np
 from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.delaunay import triangulate
 
-__all__ = ["peel"]
-
 
 def peel(points: np.ndarray) -> np.ndarray:
     """Remove the longest edge of every Delaunay triangle, then all but the two shortest at each point."""

@@ -10,8 +10,6 @@ from cccd_paper.comparisons.links import unique_links
 from cccd_paper.comparisons.reconstruction.adjustment import adjust_boundary
 from cccd_paper.comparisons.reconstruction.delaunay import first_of_each, triangulate
 
-__all__ = ["sigdt"]
-
 
 def sigdt(points: np.ndarray) -> np.ndarray:
     """Spheres-of-influence graph within the Delaunay triangulation, then boundary adjustment.

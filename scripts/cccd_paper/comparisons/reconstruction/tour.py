@@ -14,8 +14,6 @@ from cccd.geometry._jit import jit
 from cccd.tolerances import ROUNDING
 from cccd_paper.comparisons.links import unique_links
 
-__all__ = ["tour"]
-
 #: Neighbours looked at per point.
 NEIGHBOURS = 10
 

@@ -9,9 +9,9 @@ import torch
 from torch_geometric.data import Batch
 
 from cccd.errors import InputError
-from cccd.settings.junctions import NetworkSettings
 from cccd_junctions.delaunay import build_graph
 from cccd_networks.graphs import read_graphs
+from cccd_networks.settings import NetworkSettings
 from cccd_training.junctions import loop
 from cccd_training.junctions.data import FrozenMaps, label_map
 from cccd_training.junctions.frozen_graphs import generate_graphs, pack_graphs, read_maps

@@ -6,10 +6,10 @@ import trimesh
 
 import cccd
 from cccd.errors import InputError
-from cccd.files import read_meshes
-from cccd.files.read_meshes import is_mesh, read_mesh
 from cccd.geometry import subdivision
 from cccd.store import write_control_meshes
+from cccd_meshes import read_meshes
+from cccd_meshes.read_meshes import is_mesh, read_mesh
 
 AFFINE = np.diag([-1.0, -1, 1.5, 1]) @ np.array([[1, 0, 0, 5], [0, 1, 0, -20], [0, 0, 1, 8], [0, 0, 0, 1.0]])
 

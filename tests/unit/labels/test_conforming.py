@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from cccd.geometry.conforming import ConformingSurface
 from cccd.geometry.mesh import Mesh
-from cccd.store import read_conforming, write_conforming
+from cccd_labels.conforming import ConformingSurface, read_conforming, write_conforming
 from cccd_labels.surface_nets import split_again, split_quads
 
 

@@ -24,8 +24,6 @@ from cccd.inputs.readers import guarded
 from cccd.plugins import find, table
 from cccd.store import read_bodies
 
-__all__ = ["CAD_SUFFIXES", "MESH_SUFFIXES", "MeshFile", "is_mesh", "read_mesh"]
-
 #: Suffixes of solids, which another package reads.
 CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
 
@@ -93,9 +91,6 @@ def read_mesh(path: str | Path) -> MeshFile:
     if not np.isfinite(found.mesh.vertices).all():
         raise InputError(path.name, "it contains coordinates that are not finite", "export it again")
     return found
-
-
-# One format each --------------------------------------------------------------------------------------
 
 
 def _polygons(path: Path) -> MeshFile:
@@ -189,9 +184,6 @@ _READERS: dict[str, Callable[[Path], MeshFile]] = {
 
 #: Suffixes of every file that `read_mesh` reads.
 MESH_SUFFIXES = tuple(_READERS)
-
-
-# Vertices and faces -----------------------------------------------------------------------------------
 
 
 def _merged(vertices: Any, faces: Any) -> Mesh:

@@ -4,10 +4,10 @@ import pytest
 from cccd.containers import Curves
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import fit_splines
-from cccd.curves.measures import area_scores, bytes_per_slice, distances, measure_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.curves import CurveSettings
 from cccd.tracing import trace_stack
+from cccd_workflow.curve_measures import area_scores, bytes_per_slice, distances, measure_curves
 
 SETTINGS = CurveSettings()
 
@@ -54,9 +54,6 @@ def test_bytes_are_what_the_formats_need(curves_of, blob):
     assert sizes["chain_code"] == pytest.approx(4 + 8 + np.ceil(3 * links / 8))
     assert np.all(sizes["png"] < sizes["raw"])
     assert np.all(sizes["spline_16_bit"] < sizes["spline"])
-
-
-# The stage ------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("method", ["auto", "corners"])

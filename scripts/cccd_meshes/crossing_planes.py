@@ -19,9 +19,7 @@ from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
-from cccd.tolerances import SAME_PLANE_MM, SLICE_DIRECTION
-
-__all__ = ["DrawnPlane", "planes_of", "surface_through"]
+from cccd_dicom.slices import SAME_PLANE_MM, SLICE_DIRECTION
 
 #: Nodes of the grid along the longest side of what was drawn; its surface is smoothed afterwards.
 NODES = 128

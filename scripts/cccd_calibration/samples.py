@@ -14,8 +14,6 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["draw_meshes", "intervals", "largest_diameter"]
-
 #: Plane waves that make up a field; with fewer it repeats itself within an organ.
 WAVES = 96
 #: Vertices whose waves are in memory at once.

@@ -1,6 +1,9 @@
-"""What closed splines are worth: agreement with the boundary, points and bytes spent on it."""
+"""What closed splines are worth (agreement, points and bytes), and which slices are doubtful."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
 
 import cv2
 import numpy as np
@@ -11,13 +14,8 @@ from cccd.geometry.arrays import owners_of
 from cccd.geometry.raster import rasterise
 from cccd.metrics import dice
 
-__all__ = ["area_scores", "bytes_per_slice", "distances", "measure_curves", "window_of"]
-
 #: A pixel is a bit of the file.
 _ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]
-
-
-# Agreement --------------------------------------------------------------------------------------------
 
 
 def area_scores(curves: Curves, others: Curves) -> tuple[np.ndarray, np.ndarray]:
@@ -49,9 +47,6 @@ def distances(points: np.ndarray, offsets: np.ndarray, curves: Curves) -> np.nda
     rings = curves.polygons.rings()
     shapely.prepare(rings)
     return shapely.distance(shapely.points(points), rings[owners_of(offsets)])
-
-
-# Bytes ------------------------------------------------------------------------------------------------
 
 
 def bytes_per_slice(curves: Curves, splines: Splines) -> dict[str, np.ndarray]:
@@ -86,9 +81,6 @@ def _png_bytes(curves: Curves, slices: np.ndarray) -> list[int]:
     rows, columns = (curves.frame.shape[axis] for axis in curves.frame.in_plane_axes)
     filled = (rasterise(curves.polygons.take(curves.slice == k), (0, 0), (rows, columns)) for k in slices)
     return [len(cv2.imencode(".png", 255 * image.astype(np.uint8), _ONE_BIT)[1]) for image in filled]
-
-
-# Tables -----------------------------------------------------------------------------------------------
 
 
 def measure_curves(curves: Curves, splines: Splines) -> dict:
@@ -137,3 +129,28 @@ def window_of(curves: Curves) -> tuple[np.ndarray, tuple[int, int, int]]:
     first, last = int(curves.slice.min()), int(curves.slice.max())
     rows, columns = (int(n) for n in high - low)
     return np.array([first, *low]), (last - first + 1, rows, columns)
+
+
+def doubtful_slices(report: Mapping[str, Any], most: int = 10) -> list[str]:
+    """Say, of what `cccd_junctions.ordering.order_boundaries` reports, which slices should be looked at.
+
+    Examples
+    --------
+    >>> found = {"slices": 4 * [{}], "doubtful": [7, 3], "expected_wrong": 1.24, "unlisted_wrong": 0.1}
+    >>> print(*doubtful_slices(found))
+    check these slices, the most doubtful first: 7, 3 (2 of 4; about 1.2 are expected to be wrong; of the \
+others at most 10 % on average)
+    >>> print(*doubtful_slices(found | {"doubtful": [3, 1, 0]}))
+    most slices are doubtful (3 of 4; about 1.2 are expected to be wrong): check each of them
+    """
+    doubtful = report.get("doubtful", [])
+    if not doubtful:
+        return []
+    whole = len(report["slices"])
+    wrong = f"about {report['expected_wrong']:.2g} are expected to be wrong"
+    if len(doubtful) > whole / 2:  # such a list helps nobody to choose
+        return [f"most slices are doubtful ({len(doubtful)} of {whole}; {wrong}): check each of them"]
+    listed = ", ".join(map(str, doubtful[:most])) + (" and so on" if len(doubtful) > most else "")
+    if report["unlisted_wrong"] is not None:
+        wrong += f"; of the others at most {100 * report['unlisted_wrong']:.3g} % on average"
+    return [f"check these slices, the most doubtful first: {listed} ({len(doubtful)} of {whole}; {wrong})"]

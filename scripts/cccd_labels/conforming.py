@@ -5,14 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import WIDEST_BAND, Mesh
+from cccd.store import new_file, open_file, read_value, write_value
 
-__all__ = ["ConformingSurface", "low_passed"]
+#: Arrays of a surface in its file.
+_ARRAYS = ("vertices", "triangles", "regions")
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +88,23 @@ class ConformingSurface:
         """Edges (E, 2) along which three walls meet, or more."""
         edges, count = self.edges
         return edges[count > 2]
+
+
+def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
+    """Write the surfaces of a case's organs that share their walls, and what was measured on the way."""
+    names = {str(label): name for label, name in surface.names.items()}
+    with new_file(path) as file:
+        for name in _ARRAYS:
+            write_value(file, name, getattr(surface, name), FloatArray)
+        write_value(file, "names", names, dict[str, str])
+        write_value(file, "report", report, dict[str, Any])
+
+
+def read_conforming(path: str | Path) -> ConformingSurface:
+    """Read the surfaces of a case's organs that share their walls."""
+    with open_file(path) as file:
+        names = {int(label): name for label, name in read_value(file, "names", dict[str, str]).items()}
+        return ConformingSurface(*(read_value(file, name, np.ndarray) for name in _ARRAYS), names=names)
 
 
 def low_passed(surface: ConformingSurface, wave: float, degree: int) -> FloatArray:
