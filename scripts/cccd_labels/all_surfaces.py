@@ -25,8 +25,6 @@ if TYPE_CHECKING:
     from cccd.settings.root import Settings
     from cccd_labels.whole_map import LabelSurface
 
-__all__ = ["make_all_surfaces", "without_written"]
-
 #: What is shown while the labels of a map are made: which one, how much is done, how long it takes yet.
 _ALL_BAR = "{desc:<32} {percentage:3.0f}% {bar:20} {elapsed}, {remaining} left"
 

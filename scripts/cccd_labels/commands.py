@@ -20,8 +20,6 @@ from cccd.store import atomic_path
 from cccd_labels.relabelling import finer_grid, relabelled, share_of_voxels
 from cccd_labels.whole_map import WholeMap
 
-__all__ = ["add_relabel"]
-
 
 def add_relabel(command: argparse.ArgumentParser) -> None:
     """Make the surfaces of all labels and fill the voxels of another grid: labels never overlap.

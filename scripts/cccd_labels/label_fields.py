@@ -21,16 +21,6 @@ from cccd.geometry.arrays import FloatArray, IntArray, LabelArray
 from cccd.settings.surface import LoftSettings
 from cccd.surface.stack import interpolate_slices, warnings_of
 
-__all__ = [
-    "LabelFields",
-    "LevelBlock",
-    "box_of",
-    "bytes_needed",
-    "gathered",
-    "label_sections",
-    "level_blocks",
-]
-
 #: Distances count up to so many pixels: a wall runs nearer than that to the nodes that it parts.
 BAND_PIXELS = 4.0
 #: Pixels around a label in which it competes for nodes.

@@ -25,16 +25,6 @@ from cccd.inputs.readers import is_zarr
 from cccd.inputs.row_files import label_values, list_labels, read_masks
 from cccd.store import read_json, write_json
 
-__all__ = [
-    "MapLabel",
-    "colour_of",
-    "expand_rows",
-    "list_map",
-    "read_label_table",
-    "read_parts",
-    "shared_groups",
-]
-
 #: Hues of organs without a colour lie this share of the circle apart: no two of the first hundred are alike.
 GOLDEN_SHARE = 0.61803398875
 

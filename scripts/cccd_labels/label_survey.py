@@ -24,8 +24,6 @@ from cccd.settings.root import Settings
 from cccd_labels.label_maps import MapLabel, colour_of, list_map, read_parts
 from cccd_viewers.regions import DrawnLabels
 
-__all__ = ["SurveyedLabel", "measure_labels", "survey_labels"]
-
 
 class SurveyedLabel(NamedTuple):
     """One label of an input."""

@@ -10,8 +10,6 @@ from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 
-__all__ = ["worker_processes"]
-
 
 @contextmanager
 def worker_processes(count: int) -> Iterator[ProcessPoolExecutor]:

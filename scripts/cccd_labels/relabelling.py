@@ -17,8 +17,6 @@ from cccd.inputs.row_files import label_values
 from cccd_labels.label_maps import MapLabel
 from cccd_labels.whole_map import LabelSurface, WholeMap
 
-__all__ = ["finer_grid", "relabelled", "share_of_voxels"]
-
 #: A voxel's share is counted at so many points along each of its edges.
 POINTS = 4
 #: More voxels than that are not written.

@@ -16,14 +16,6 @@ from cccd.inputs.grid import LPS_TO_RAS
 from cccd.settings.formats import NOTE
 from cccd_labels.label_maps import colour_of
 
-__all__ = [
-    "SceneOrgan",
-    "describe_scene",
-    "name_organs",
-    "write_scene",
-    "write_segmentation",
-]
-
 _CONTEXT = "Segmentation category and type - 3D Slicer General Anatomy list"
 
 

@@ -38,16 +38,6 @@ from cccd_labels.label_fields import LabelFields, box_of, gathered, label_sectio
 from cccd_labels.surface_nets import split_again, surface_nets, well_composed
 from cccd_labels.wall_decimation import simplified
 
-__all__ = [
-    "SharedWalls",
-    "meet",
-    "on_one_grid",
-    "read_structures",
-    "share_walls",
-    "take_organ",
-    "touching_groups",
-]
-
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
 GROUP_VOXELS = 1
 #: The filter moves a vertex at most by so many pixels: what is one voxel thin keeps its voxels.

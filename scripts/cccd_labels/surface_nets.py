@@ -20,8 +20,6 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, LabelArray, co
 from cccd.geometry.mesh import Mesh
 from cccd_labels.conforming import ConformingSurface
 
-__all__ = ["Cut", "NodeCost", "split_again", "surface_nets", "well_composed"]
-
 #: Takes nodes (P, 3) and labels (P,); what it returns (P,) is smaller for labels that suit the nodes better.
 NodeCost = Callable[[IntArray, LabelArray], FloatArray]
 #: Takes the nodes (E, 3) at both ends of edges and their labels (E,); returns the share (E,) of each edge at
@@ -128,31 +126,25 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     mixed = _mixed(labels)
     cells, thin = np.argwhere(mixed), _thin(mixed)
     for rising in (False, True):
-        changed, stuck = fixed.copy(), [cells[:0]]
+        changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
             here = _corner_labels(labels, cells)
-            cells, here = (part[~_of_two(here)] for part in (cells, here))
+            more = ~_of_two(here)
+            cells, here = cells[more], here[more]
             pinched = [(found, which) for found, which in _pinched(here) if len(found)]
-            if not pinched:
-                cells = cells[:0]
-                break
             moves = [
                 _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)
                 for found, which in pinched
             ]
-            nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
-            if len(nodes) == 0:
+            if not any(len(nodes) for nodes, _ in moves):
                 break
+            nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            parts = [(nodes[:, None] - _CORNERS).reshape(-1, 3)]  # cells that a changed node is a corner of
-            for found, which in pinched:  # no others can be; without a node that may change they wait
-                waits = changed[tuple(np.moveaxis(cells[found, None] + _CORNERS[which], 2, 0))].all(axis=1)
-                parts.append(cells[found[~waits]])
-                stuck.append(cells[found[waits]])
-            cells = _once(np.concatenate(parts), labels.shape)
-        cells = _once(np.concatenate([cells, *stuck]), labels.shape)
+            # no others can be pinched: cells that a changed node is a corner of, and those that were
+            around = (nodes[:, None] - _CORNERS).reshape(-1, 3)
+            cells = _once(np.concatenate([around, *(cells[found] for found, _ in pinched)]), labels.shape)
     here = _corner_labels(labels, cells)
     return labels, sum(len(found) for found, _ in _pinched(here[~_of_two(here)]))
 
@@ -223,8 +215,6 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     several, sheets = _sheets(labels, cells, cut)
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
-    size = max(len(cells), int(sheets.max(initial=-1)) + 1)
-    total, count = np.zeros((size, 3)), np.zeros(size)
     quads: list[IntArray] = []
     cuts: list[FloatArray] = []
     regions: list[IntArray] = []
@@ -238,23 +228,23 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
         quad = np.empty((len(nodes), 4), np.int64)
         for corner, (cell, edge) in enumerate(around):
-            at = np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape))
-            of_sheet = row[at] >= 0
-            at[of_sheet] = sheets[row[at[of_sheet]], 4 * axis + edge]
+            at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
+            parted = row[at] >= 0
+            at[parted] = sheets[row[at[parted]], 4 * axis + edge]
             quad[:, corner] = at
-        for corner in quad.T:
-            for x in range(3):
-                total[:, x] += np.bincount(corner, point[:, x], size)
-            count += np.bincount(corner, minlength=size)
         cuts.append(point)
         quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    vertices = total / count[:, None]
     quad, sides, point = np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts)
-    off = point - vertices[quad].mean(axis=1)
-    nearer = [np.bincount(quad.ravel(), np.repeat(along, 4), size) / count for along in off.T]
-    net = ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0))
-    return net, vertices + np.column_stack(nearer)
+    vertices = _mean_at(quad, point)
+    nearer = vertices + _mean_at(quad, point - vertices[quad].mean(axis=1))
+    return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0)), nearer
+
+
+def _mean_at(quads: IntArray, values: FloatArray) -> FloatArray:
+    """Mean (V, 3) at each vertex of the values (Q, 3) of the quadrilaterals (Q, 4) there."""
+    at, count = quads.ravel(), np.bincount(quads.ravel())
+    return np.column_stack([np.bincount(at, np.repeat(along, 4)) / count for along in values.T])
 
 
 def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:

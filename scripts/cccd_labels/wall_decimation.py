@@ -13,8 +13,6 @@ from cccd.geometry.distance import nearest_points
 from cccd.geometry.mesh import Mesh
 from cccd_labels.conforming import ConformingSurface
 
-__all__ = ["simplified"]
-
 #: Vertices further than this from all former ones, in edges, are looked at: they lie on the wall.
 NEAR = 0.75
 #: A patch of more triangles, of which almost all would tear, becomes blocks. Lines between blocks stay, with

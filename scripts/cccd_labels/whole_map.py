@@ -29,8 +29,6 @@ from cccd_labels.label_maps import MapLabel, list_map
 from cccd_labels.processes import worker_processes
 from cccd_labels.shared_walls import meet, on_one_grid, touching_groups
 
-__all__ = ["LabelSurface", "WholeMap", "reconstruct_labels"]
-
 _Result = TypeVar("_Result")
 
 #: A process starts and loads its code in the time of some eight small organs.

@@ -8,13 +8,13 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15783,
+    "scripts/cccd": 15691,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1758,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3922,
-    "scripts/cccd_labels": 2989,
+    "scripts/cccd_labels": 3030,
     "scripts/cccd_meshes": 920,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9217,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 771,
     "scripts/cccd_workflow": 6099,
     "bench": 4624,
-    "tests": 24009,
+    "tests": 24062,
 }
 
 

@@ -26,8 +26,6 @@ from cccd.geometry.arrays import (
 )
 from cccd.geometry.mesh import opposite_sides, pinched_vertices
 
-__all__ = ["MovingTriangles", "may_cross", "passing_pairs"]
-
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
 _TOUCHING = 1e-12
 #: Where more of the triangles have moved all are searched: libigl takes no longer for that.

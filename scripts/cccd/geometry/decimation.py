@@ -22,8 +22,6 @@ from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 
-__all__ = ["ahead", "collapse_apart", "collapse_edges", "weigh_more"]
-
 #: Most triangles around a vertex: more would make quads of the layout needles.
 _MOST_AROUND = 14
 

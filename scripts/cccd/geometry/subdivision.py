@@ -19,8 +19,6 @@ from scipy.sparse import coo_array, csr_array, diags_array, vstack
 from cccd.geometry.arrays import FloatArray, IntArray, connected_parts, distinct
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SHARP", "ControlMesh", "Sampler", "SubdivisionStep", "quad_edges", "subdivide"]
-
 #: The mesh that is written has this many subdivisions: 32 triangles for each quad ...
 DRAWN = 2
 #: ... and one less (8 for each) where there are more quads than this: a cortex of 15,000 quads would be 6 %

@@ -14,8 +14,6 @@ from cccd.surface.surface import LoftedSurface
 if TYPE_CHECKING:
     import pandas as pd
 
-__all__ = ["DISTANCES", "Between", "distance_table", "least_distance", "near_pairs"]
-
 #: Organs whose boxes lie further apart than this in mm are not compared.
 NEAR_MM = 30.0
 #: Columns of `distance_table`.

@@ -16,8 +16,6 @@ from cccd.geometry.distance import to_mask
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise_layers
 
-__all__ = ["Borders", "find_borders", "through_pixel_centres"]
-
 #: Distances reach this many pixels beyond what is inside: as far as the network distinguishes them.
 MARGIN_PIXELS = 9
 

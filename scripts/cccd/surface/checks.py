@@ -21,15 +21,6 @@ from cccd.surface.sampled import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 
-__all__ = [
-    "Violation",
-    "check_surface",
-    "check_walls",
-    "lost_voxels",
-    "pixels_within",
-    "places_off_slices",
-]
-
 #: On a slice the surface lies within so many pixels of the slice's outline.
 ON_SLICE = 0.75
 #: The surface holds the slices' volume but for this share.

@@ -16,17 +16,6 @@ from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.flat_caps import fill_rim, unfold
 from cccd.tolerances import TINY
 
-__all__ = [
-    "SAME_HEIGHT",
-    "caps_of",
-    "control_mesh",
-    "fewer_triangles",
-    "join_in_pairs",
-    "open_edges",
-    "split_to_quads",
-    "with_caps",
-]
-
 #: mm: points so near to where the scan ends lie there.
 SAME_HEIGHT = 1e-6
 #: Weight of even edges beside that of near ones when edges collapse: needles make needles of quads.

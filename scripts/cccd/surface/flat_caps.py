@@ -15,8 +15,6 @@ from scipy.spatial import Delaunay, cKDTree
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
 from cccd.geometry.subdivision import Sampler
 
-__all__ = ["fill_rim", "unfold"]
-
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
 #: Edges grow by this share of their distance from the rim.

@@ -17,22 +17,6 @@ import numpy as np
 
 from cccd.geometry.arrays import FloatArray, IntArray, SingleArray
 
-__all__ = [
-    "LEAST_RATIO",
-    "MOST_RATIO",
-    "OFFSETS",
-    "RANGE",
-    "REACH",
-    "SLICES",
-    "UNIT",
-    "DistanceNetwork",
-    "Surroundings",
-    "condition_basis",
-    "in_space",
-    "near_surface",
-    "shipped_network",
-]
-
 #: The trained weights.
 WEIGHTS = Path(__file__).with_name("learned_distance.npz")
 #: Their SHA-256: the workflow lofts again when this file changes, so with other weights it must change.

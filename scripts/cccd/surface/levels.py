@@ -23,8 +23,6 @@ from cccd.surface.learned_distance import (
     shipped_network,
 )
 
-__all__ = ["levels_of_slices"]
-
 #: Between slices further apart than it has seen it is asked on every n-th pixel; its share falls from all to
 #: none between these ratios of slice distance to pixel. Up to 14, all of ten exact truths are 1 to 11 %
 #: farther off; up to 18, small handles appear.

@@ -15,8 +15,6 @@ from cccd.surface.spline import SplineSolid, loft_spline
 from cccd.surface.stack import interpolate_slices
 from cccd.surface.surface import LoftedSurface
 
-__all__ = ["band_of", "loft_in_plane", "loft_surface"]
-
 #: With it 90 % of the readers' borders lie within the bands of the shipped segmenter's hippocampi, ten of
 #: those that it was not trained on.
 FACTOR = 0.87

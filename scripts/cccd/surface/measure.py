@@ -17,21 +17,6 @@ from cccd.store import bodies_bytes
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import VOLUME_BIAS
 
-__all__ = [
-    "SAMPLES",
-    "Reference",
-    "mask_surface",
-    "measure_agreement",
-    "measure_band",
-    "measure_mesh",
-    "measure_surface",
-    "normal_figures",
-    "volume_warnings",
-    "voxel_dice",
-    "voxel_surface",
-    "voxel_volume",
-]
-
 #: Points on each of two surfaces by which their distances are measured.
 SAMPLES = 50_000
 

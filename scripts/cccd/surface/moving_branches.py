@@ -20,16 +20,6 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.surface.sampled import distance_to_part, sampled
 
-__all__ = [
-    "SAME_HEIGHT",
-    "Displacement",
-    "SliceGap",
-    "SliceParts",
-    "follow_branches",
-    "levels_between",
-    "move_branches",
-]
-
 #: mm: levels so near to a slice are the slice's own.
 SAME_HEIGHT = 1e-6
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;

@@ -16,8 +16,6 @@ from cccd.geometry.distance import to_mask
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 
-__all__ = ["SampledDistance", "distance_to_part", "sampled"]
-
 #: The surface does not run through the grid's nodes, but at least this share of a pixel beside them.
 NODE_MARGIN = 1e-2
 

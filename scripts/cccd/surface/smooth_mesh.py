@@ -18,16 +18,6 @@ from cccd.surface.sampled import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import HELD_VOLUME, SHRUNK_PART
 
-__all__ = [
-    "MOST_OFFSET",
-    "ROUNDS",
-    "cut_at_ends",
-    "default_wave",
-    "moved_to_ends",
-    "smooth_mesh",
-    "volume_between",
-]
-
 #: Waves of this many pixels and shorter go, or of this many slice distances. Shorter ones leave steps of
 #: pixels, and ripples between slices that are far apart; longer ones cost detail.
 WAVE_PIXELS, WAVE_SLICES = 8.0, 2.5

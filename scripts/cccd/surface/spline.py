@@ -23,8 +23,6 @@ from cccd.surface.stack import CONTROL_BYTES, SliceStack, counts, warnings_of
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import CONTROL_POINT_PIXELS
 
-__all__ = ["SplineSolid", "loft_spline"]
-
 #: The coarse mesh begins with one triangle for so many of the mesh that it is made of, and has at most one
 #: for so many: what needs more is noise.
 COARSEST, COARSER = 150, 5

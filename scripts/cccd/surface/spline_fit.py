@@ -22,8 +22,6 @@ from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
 from cccd.tolerances import HELD_VOLUME
 
-__all__ = ["SplineFit", "Target", "fit_spline"]
-
 #: A limit surface is sampled at so many subdivisions: 4 points for each quad.
 SAMPLED = 1
 #: Rounds, each one linear system; the distance to the mesh no longer changes by 1 % after these.

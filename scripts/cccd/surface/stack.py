@@ -21,8 +21,6 @@ from cccd.surface.moving_branches import SAME_HEIGHT, move_branches
 from cccd.surface.sampled import SampledDistance
 from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
-__all__ = ["SliceStack", "counts", "interpolate_slices", "label_parts", "warnings_of"]
-
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
 #: What the scan cuts runs on for so many pixels, as far as meshes are smoothed; a plane cuts it then.

@@ -26,8 +26,6 @@ from cccd.store import (
     write_control_meshes,
 )
 
-__all__ = ["LoftedSurface", "read_surface", "write_files"]
-
 #: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
 _SAME_POINT_MM = 1e-3
 

@@ -20,8 +20,6 @@ from cccd.geometry.distance import to_mask
 from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches, levels_between
 from cccd.surface.sampled import distance_to_part
 
-__all__ = ["GuideLine", "ends_by_guides", "guide_lines", "guides_reach", "shape_undrawn"]
-
 #: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
 #: slice: all that is known is that it ends before that.
 HEIGHT = 0.5

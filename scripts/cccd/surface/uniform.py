@@ -15,8 +15,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import TINY
 
-__all__ = ["uniform_mesh", "with_uniform_triangles"]
-
 #: The tessellation has at least this many times the triangles asked for: enough to choose from.
 SPARE = 8
 
