@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15691,
+    "scripts/cccd": 15721,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1758,
@@ -27,7 +27,7 @@ MOST_LINES = {
     "scripts/cccd_viewers": 771,
     "scripts/cccd_workflow": 6099,
     "bench": 4624,
-    "tests": 24062,
+    "tests": 24082,
 }
 
 

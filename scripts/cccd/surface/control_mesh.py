@@ -13,7 +13,8 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.decimation import collapse_edges
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
-from cccd.surface.flat_caps import fill_rim, unfold
+from cccd.surface.flat_caps import fill_rim
+from cccd.surface.unfolding import unfold
 from cccd.tolerances import TINY
 
 #: mm: points so near to where the scan ends lie there.
@@ -131,8 +132,10 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     new = number < 0
     points[~new] = wall.vertices[number[~new]]
     rims = open_edges(quads)
+    # where the curve of a rim bulges beyond its corners the surface within would fold over it
     sampler = ControlMesh(points, quads, rims, np.full(len(rims), SHARP)).sampler()
-    points[:, :2] = unfold(points[:, :2], sampler if upwards else sampler.mirrored(), new)
+    facing = np.tile([0.0, 0.0, 1.0 if upwards else -1.0], (len(sampler.triangles), 1))
+    points = unfold(points, sampler, new, facing)
     number[new] = count + np.arange(int(new.sum()))
     return points[new], number[quads]
 

@@ -1,7 +1,4 @@
-"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few.
-
-The curve of a rim bulges beyond its corners: where the surface within folds over it, its points give way.
-"""
+"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few."""
 
 from __future__ import annotations
 
@@ -9,11 +6,9 @@ from typing import Any, cast
 
 import manifold3d
 import numpy as np
-from scipy.optimize import minimize
 from scipy.spatial import Delaunay, cKDTree
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
-from cccd.geometry.subdivision import Sampler
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75
@@ -21,10 +16,6 @@ _FROM_RIM = 0.75
 _GROWTH = 0.6
 #: The shortest edges, in medians: a rim's tiny sides do not fill the cap.
 _SHORTEST = 0.25
-#: Triangles of a cap that folded have at least this share of the median one's area.
-_LEAST_AREA = 0.01
-#: Moves that unfold it, at most: what folds after these has a rim that crosses itself.
-_UNFOLDING_ROUNDS = 30
 #: Share by which a cap's area may change.
 _SAME_AREA = 1e-6
 
@@ -59,48 +50,6 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
     fill = cast(Any, manifold3d).triangulate  # its stubs leave the arrays' types open
     spanned = np.asarray(fill([points[loop] for loop in loops]), np.int64)
     return np.zeros((0, 2)), order[spanned]
-
-
-def unfold(points: FloatArray, sampler: Sampler, moving: BoolArray) -> FloatArray:
-    """Move control points of a plane surface where it folds over itself.
-
-    The squared lack of area of all triangles that have less than some is minimized.
-
-    Parameters
-    ----------
-    points : (P, 2) float64
-    sampler : Sampler
-        Of the surface; its triangles are counter-clockwise where nothing folds.
-    moving : (P,) bool
-        Points that may move: those within the rim.
-
-    Returns
-    -------
-    (P, 2) float64
-    """
-    triangles, count = sampler.triangles, sampler.matrix.shape[0]
-    area = _areas(sampler.matrix @ points, triangles)
-    least = _LEAST_AREA * float(np.median(area))
-    if area.min() >= least:
-        return points
-    moved = points.copy()
-
-    def lack(places: FloatArray) -> tuple[float, FloatArray]:
-        moved[moving] = places.reshape(-1, 2)
-        samples = sampler.matrix @ moved
-        missing = np.maximum(1 - _areas(samples, triangles) / least, 0.0)
-        corners = samples[triangles]
-        across = np.roll(corners, 1, axis=1) - np.roll(corners, -1, axis=1)  # an area grows across its side
-        slope = missing[:, None, None] / least * across[..., ::-1] * [1, -1]
-        at = triangles.ravel()
-        each = [np.bincount(at, slope[..., axis].ravel(), count) for axis in (0, 1)]
-        return float(missing @ missing), (sampler.matrix.T @ np.column_stack(each))[moving].ravel()
-
-    found = minimize(
-        lack, points[moving].ravel(), jac=True, method="L-BFGS-B", options={"maxiter": _UNFOLDING_ROUNDS}
-    )
-    moved[moving] = found.x.reshape(-1, 2)
-    return moved
 
 
 def _loops(rim: IntArray) -> list[IntArray]:

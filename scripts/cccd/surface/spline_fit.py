@@ -15,11 +15,12 @@ from scipy.sparse import coo_array, csr_array, diags_array
 from scipy.sparse.linalg import LinearOperator, cg
 from scipy.spatial import cKDTree
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, unit_vectors
 from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, Sampler, quad_edges
 from cccd.surface.control_mesh import open_edges
+from cccd.surface.unfolding import unfold
 from cccd.tolerances import HELD_VOLUME
 
 #: A limit surface is sampled at so many subdivisions: 4 points for each quad.
@@ -36,9 +37,11 @@ MOST_STEP, EVENING = 0.5, 0.5
 FACING = 0.2
 #: A sample counts for at least this share of the median sample's area.
 LEAST_AREA = 0.1
-#: Rounds in which what crosses moves half way back to where it began, and then rounds in which it and what is
-#: beside it evens out: these are over when so many have not made it cross less.
-UNTANGLING_ROUNDS, EVENING_ROUNDS, PATIENCE = 6, 40, 8
+#: What crosses moves half way back to where it began; then it and what is beside it evens out; then that
+#: unfolds. Rounds of each, over when so many have not made it cross less, and those in which normals are
+#: averaged: wider than folds are.
+BACK, EVENING_OUT, UNFOLDING = range(3)
+UNTANGLING_ROUNDS, PATIENCE, NORMAL_ROUNDS = (6, 40, 12), 8, 24
 #: Moves by which it comes to hold a volume, at most.
 HOLDING_ROUNDS = 3
 #: Residual of the linear systems, and most steps to it.
@@ -146,7 +149,8 @@ class SplineFit:
     def untangle(self, written: Callable[[ControlMesh], FloatArray] = attrgetter("vertices")) -> IntArray:
         """Move control points where the surface passes through itself; the best of some rounds stays.
 
-        They go back to where they began and, where it crosses there too, towards their neighbours' means.
+        They go back to where they began and, where it crosses there too, towards their neighbours' means;
+        last, what is folded unfolds.
 
         Parameters
         ----------
@@ -165,16 +169,21 @@ class SplineFit:
             return triangles.passing_pairs(sampler.matrix @ written(self.wall.moved(points)))
 
         fewest = pairs_of(self.points)
-        for back, rounds in ((True, UNTANGLING_ROUNDS), (False, EVENING_ROUNDS)):
+        for way, rounds in zip((BACK, EVENING_OUT, UNFOLDING), UNTANGLING_ROUNDS, strict=True):
             points, pairs, waited = self.points, fewest, 0
             moving = np.zeros(len(points), np.bool_)
             for _ in range(rounds):
                 if not len(pairs) or waited == PATIENCE:
                     break
                 near = _moving(sampler, pairs)
-                moving |= near if back else near | (self.neighbours @ near > 0)
-                target = self.wall.vertices if back else self.neighbours @ points
-                points = np.where(moving[:, None], (points + target) / 2, points)
+                beside = near | (self.neighbours @ near > 0)
+                if way == UNFOLDING:
+                    facing = _evened_normals(Mesh(sampler.matrix @ points, sampler.triangles))
+                    points = unfold(points, sampler, beside & ~self.rim[: len(points)], facing)
+                else:
+                    moving |= near if way == BACK else beside
+                    target = self.wall.vertices if way == BACK else self.neighbours @ points
+                    points = np.where(moving[:, None], (points + target) / 2, points)
                 pairs, waited = pairs_of(points), waited + 1
                 if len(pairs) < len(fewest):
                     self.points, fewest, waited = points, pairs, 0
@@ -215,6 +224,12 @@ def fit_spline(wall: ControlMesh, target: Target) -> SplineFit:
     for _ in range(ROUNDS):
         fit.step()
     return fit
+
+
+def _evened_normals(mesh: Mesh) -> FloatArray:
+    """Average unit normals (F, 3) of a mesh's triangles without those of small folds."""
+    normals = [mesh.averaged(along, NORMAL_ROUNDS) for along in mesh.vertex_normals.T]
+    return unit_vectors(np.column_stack(normals)[mesh.faces].sum(axis=1))
 
 
 def _moving(sampler: Sampler, pairs: IntArray) -> BoolArray:

@@ -15,11 +15,13 @@ import cccd
 from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface import spline
-from cccd.surface.control_mesh import control_mesh, join_in_pairs, split_to_quads
+from cccd.surface.control_mesh import control_mesh, join_in_pairs, open_edges, split_to_quads
 from cccd.surface.loft import loft_surface
 from cccd.surface.spline_fit import SplineFit, Target
+from cccd.surface.unfolding import unfold
 
 NOWHERE = (-np.inf, np.inf)
 
@@ -60,6 +62,24 @@ def test_caps_with_small_holes_do_not_fold(off, monkeypatch):
     """Rims of small holes bulge over edges of the cap beside them."""
     monkeypatch.setattr(spline, "OFF_PIXELS", off)
     assert sum(map(folded_area_of_caps, (4, 8))) == 0
+
+
+def test_a_point_that_was_pulled_over_its_neighbours_unfolds():
+    x, y = (axis.ravel() for axis in np.meshgrid(np.arange(5.0), np.arange(5.0), indexing="ij"))
+    corner = (5 * np.arange(4)[:, None] + np.arange(4)).ravel()
+    quads = corner[:, None] + [0, 5, 6, 1]
+    rim = open_edges(quads)
+    plane = ControlMesh(np.column_stack([x, y, 0 * x]), quads, rim, np.full(len(rim), SHARP))
+    sampler, inner = plane.sampler(), (x % 4 > 0) & (y % 4 > 0)
+    folded = plane.vertices + np.where(np.arange(25) == 12, 1, 0)[:, None] * [5.5, 0.3, 0.2]
+    normals = np.tile([0.0, 0.0, 1.0], (len(sampler.triangles), 1))
+
+    def least(points):
+        return Mesh(sampler.matrix @ points, sampler.triangles).face_normals[:, 2].min()
+
+    flat = unfold(folded, sampler, inner, normals)
+    assert least(folded) < 0 < least(flat)
+    assert np.array_equal(flat[~inner], folded[~inner])
 
 
 def test_no_wall_comes_to_look_like_a_cap():
