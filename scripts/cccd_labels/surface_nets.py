@@ -103,6 +103,8 @@ def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
 def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     """Let nodes go over to a neighbour's label until no region touches itself along an edge or corner only.
 
+    Cells of two labels are left alone: `surface_nets` parts the sheets in them.
+
     Parameters
     ----------
     labels : (A, B, C) int
