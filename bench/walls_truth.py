@@ -22,10 +22,8 @@ from truth_bodies import Body, sample_stack
 from truth_measures import Target, bending, compare
 
 import cccd
-from cccd.geometry.mesh import Mesh
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "measured" / "walls_truth.csv"
-#: Smooth, thin and folded ones.
 BODIES = ["kidney", "bronchi", "pial left"]
 
 
@@ -38,20 +36,14 @@ def with_a_neighbour(mask: np.ndarray, ratio: float) -> np.ndarray:
     return np.where(mask, 1, np.where(near, 2, 0)).astype(np.uint8)
 
 
-def with_walls(mask: np.ndarray, affine: np.ndarray, ratio: float) -> Mesh:
-    """Reconstruct the body beside its neighbour."""
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder, "map.nii.gz")
-        nibabel.Nifti1Image(with_a_neighbour(mask, ratio), affine).to_filename(path)
-        surfaces, _ = cccd.reconstruct_labels(path)
-    return surfaces[0].lofted.mesh
-
-
 def measured(body: Body, ratio: float) -> dict[str, object]:
     """Compare both with the truth."""
     mask, affine = sample_stack(body, ratio)
+    with tempfile.NamedTemporaryFile(suffix=".nii.gz") as file:
+        nibabel.Nifti1Image(with_a_neighbour(mask, ratio), affine).to_filename(file.name)
+        (with_walls, _), _ = cccd.reconstruct_labels(file.name)
     truth, found = Target(body.truth), []
-    for mesh in (with_walls(mask, affine, ratio), cccd.reconstruct(mask, affine).lofted.mesh):
+    for mesh in (with_walls.lofted.mesh, cccd.reconstruct(mask, affine).lofted.mesh):
         near = compare(mesh, truth)
         found.append((near["assd_mm"], near["normals_median_deg"], bending(mesh), len(mesh.faces)))
     (assd, normals, bends, count), alone = found
