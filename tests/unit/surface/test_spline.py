@@ -57,7 +57,7 @@ def folded_area_of_caps(seed):
     return folded
 
 
-@pytest.mark.parametrize("off", [0.0235, 0.024, 0.0245])
+@pytest.mark.parametrize("off", [0.0235, 0.0245])
 def test_caps_with_small_holes_do_not_fold(off, monkeypatch):
     """Rims of small holes bulge over edges of the cap beside them."""
     monkeypatch.setattr(spline, "OFF_PIXELS", off)
