@@ -79,7 +79,7 @@ def collapse_edges(
         Factors of what edges cost at the vertices; 1 by default.
     parts : (F,) int64, optional
         Which part of the surface each triangle is of. The lines between parts stay: their vertices move along
-        them alone, and no edge joins them across.
+        them alone, no edge joins them across, and no triangle of a lower part gets all its corners on one.
 
     Returns
     -------

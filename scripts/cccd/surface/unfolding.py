@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import minimize
 
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.subdivision import Sampler
 
 #: Triangles that a fold turned over have at least this share of the median one's area in the end.
 LEAST_AREA = 0.01
-#: Moves that unfold it, at most: what folds after these has a rim that crosses itself.
+#: Moves that unfold it, at most: what folds after these has, as a rule, a rim that crosses itself.
 MOVES = 30
 
 
@@ -57,7 +56,8 @@ def unfold(points: FloatArray, sampler: Sampler, moving: BoolArray, normals: Flo
         each = [np.bincount(at, slope[..., axis].ravel(), count) for axis in range(3)]
         return float(missing @ missing), (sampler.matrix.T @ np.column_stack(each))[moving].ravel()
 
-    start = points[moving].ravel()
-    found = minimize(lack, start, jac=True, method="L-BFGS-B", options={"maxiter": MOVES})
+    from scipy.optimize import minimize  # a hundred modules, and few surfaces fold
+
+    found = minimize(lack, points[moving].ravel(), jac=True, method="L-BFGS-B", options={"maxiter": MOVES})
     moved[moving] = found.x.reshape(-1, 3)
     return moved
