@@ -10,7 +10,7 @@ them: an edge of sharpness s is sharp for s steps of subdivision, one of `SHARP`
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -42,6 +42,8 @@ class ControlMesh:
         Ends of the edges that are sharp.
     sharpness : (E,) float64
         How sharp each of them is; `SHARP` and more for ever.
+    corners : (C,) int64
+        Control points that the surface goes through, beside those where more than two creases meet.
 
     Examples
     --------
@@ -60,11 +62,12 @@ class ControlMesh:
     quads: IntArray
     creases: IntArray = field(default_factory=lambda: np.zeros((0, 2), np.int64))
     sharpness: FloatArray = field(default_factory=lambda: np.zeros(0))
+    corners: IntArray = field(default_factory=lambda: np.zeros(0, np.int64))
     _samplers: dict[int, Sampler] = field(default_factory=dict[int, "Sampler"], repr=False)
 
     def moved(self, vertices: FloatArray) -> ControlMesh:
         """Return the same quads and creases with other control points (V, 3)."""
-        return ControlMesh(vertices, self.quads, self.creases, self.sharpness, self._samplers)
+        return replace(self, vertices=vertices)
 
     def sampler(self, times: int | None = None) -> Sampler:
         """Return the matrix from control points to the limit surface's points after some subdivisions.
@@ -84,7 +87,7 @@ class ControlMesh:
             return self.moved(vertices)
         quads = np.ascontiguousarray(self.quads[:, ::-1])
         mirrored = {times: sampler.mirrored() for times, sampler in self._samplers.items()}
-        return ControlMesh(vertices, quads, self.creases, self.sharpness, mirrored)
+        return replace(self, vertices=vertices, quads=quads, _samplers=mirrored)
 
     def rounded(self, tolerance: float) -> ControlMesh:
         """Round coordinates to a power of two, by at most ``tolerance``: bits that are zero pack well."""
@@ -95,8 +98,7 @@ class ControlMesh:
         """Return the control mesh of the same surface with four times the quads, ``times`` over."""
         mesh = self
         for _ in range(times):
-            step = subdivide(mesh.quads, mesh.creases, mesh.sharpness, len(mesh.vertices))
-            mesh = ControlMesh(step.matrix @ mesh.vertices, step.quads, step.creases, step.sharpness)
+            _, mesh = subdivide(mesh)
         return mesh
 
     def tessellate(self, times: int | None = None) -> Mesh:
@@ -116,33 +118,14 @@ class ControlMesh:
             used, quads = distinct(self.quads[piece[self.quads[:, 0]] == n])
             mine = piece[self.creases[:, 0]] == n if len(self.creases) else np.zeros(0, np.bool_)
             creases = np.searchsorted(used, self.creases[mine])
-            found.append(ControlMesh(self.vertices[used], quads, creases, self.sharpness[mine]))
+            corners = np.flatnonzero(np.isin(used, self.corners))
+            found.append(ControlMesh(self.vertices[used], quads, creases, self.sharpness[mine], corners))
         return found
 
     @cached_property
     def sign(self) -> int:
         """+1 where the surface encloses a solid, -1 where its outer side is within: a cavity."""
         return 1 if self.tessellate(1).volume > 0 else -1
-
-
-@dataclass(frozen=True, eq=False)
-class SubdivisionStep:
-    """One step of subdivision: where its points come from, and what they make up.
-
-    Attributes
-    ----------
-    matrix : (V', V) sparse
-        New points from old ones: first those of the vertices, then of the edges, then of the quads.
-    quads : (Q', 4) int64
-        Four for each old one; the first corner of each is of an old vertex.
-    creases : (E', 2) int64
-    sharpness : (E',) float64
-    """
-
-    matrix: csr_array
-    quads: IntArray
-    creases: IntArray
-    sharpness: FloatArray
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,25 +150,19 @@ class Sampler:
     @classmethod
     def of(cls, mesh: ControlMesh, times: int) -> Sampler:
         """Sample each quad at ``4**times`` times its share of the corners."""
-        quads, creases, sharpness = mesh.quads, mesh.creases, mesh.sharpness
-        count = len(mesh.vertices)
         total: csr_array | None = None
         for _ in range(times):
-            step = subdivide(quads, creases, sharpness, count)
-            quads, creases, sharpness = step.quads, step.creases, step.sharpness
-            total = step.matrix if total is None else csr_array(step.matrix @ total)
-            count = step.matrix.shape[0]
-        points, triangles = count, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-        while np.any(sharpness < SHARP):  # the limit is known once no edge is sharp for some steps only
-            step = subdivide(quads, creases, sharpness, count)
-            quads, creases, sharpness = step.quads, step.creases, step.sharpness
-            total = step.matrix if total is None else csr_array(step.matrix @ total)
-            count = step.matrix.shape[0]
-        last = _limit_matrix(quads, creases, sharpness, count)
+            step, mesh = subdivide(mesh)
+            total = step if total is None else csr_array(step @ total)
+        points, quads = len(mesh.vertices), mesh.quads
+        while np.any(mesh.sharpness < SHARP):  # the limit is known once no edge is sharp for some steps only
+            step, mesh = subdivide(mesh)
+            total = step if total is None else csr_array(step @ total)
+        last = _limit_matrix(mesh)
         matrix = last if total is None else csr_array(last @ total)
         matrix = csr_array(matrix[:points])  # a step's vertices come first
         matrix.sort_indices()
-        return cls(matrix, triangles)
+        return cls(matrix, np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]]))
 
 
 def quad_edges(quads: IntArray) -> tuple[IntArray, IntArray]:
@@ -199,13 +176,22 @@ def quad_edges(quads: IntArray) -> tuple[IntArray, IntArray]:
     return np.column_stack(np.divmod(keys, count)), side.reshape(quads.shape)
 
 
-def subdivide(quads: IntArray, creases: IntArray, sharpness: FloatArray, count: int) -> SubdivisionStep:
-    """Subdivide quads of ``count`` vertices once by Catmull and Clark's rules."""
+def subdivide(mesh: ControlMesh) -> tuple[csr_array, ControlMesh]:
+    """Subdivide once by Catmull and Clark's rules.
+
+    Returns
+    -------
+    matrix : (V', V) sparse
+        New points from old ones: first those of the vertices, then of the edges, then of the quads.
+    ControlMesh
+        Four quads for each old one; the first corner of each is of an old vertex.
+    """
+    quads, count = mesh.quads, len(mesh.vertices)
     edges, side = quad_edges(quads)
-    sharp = _sharpness_of_edges(edges, creases, sharpness)
+    sharp = _sharpness_of_edges(edges, mesh)
     vertex, edge, face = _smooth_points(quads, edges, side, count)
-    if len(creases):
-        vertex, edge = _sharpened(vertex, edge, edges, sharp, count)
+    if len(mesh.creases) or len(mesh.corners):
+        vertex, edge = _sharpened(vertex, edge, edges, sharp, mesh)
     on_edge, on_face = count + side, count + len(edges) + np.arange(len(quads))
     finer = [
         np.column_stack([quads[:, k], on_edge[:, k], on_face, on_edge[:, (k + 3) % 4]]) for k in range(4)
@@ -215,11 +201,10 @@ def subdivide(quads: IntArray, creases: IntArray, sharpness: FloatArray, count: 
     halves = np.concatenate([np.column_stack([edges[kept, end], middles]) for end in (0, 1)])
     blunter = np.where(sharp[kept] >= SHARP, SHARP, np.maximum(sharp[kept] - 1, 0))
     still = np.tile(blunter > 0, 2)
-    return SubdivisionStep(
-        csr_array(vstack([vertex, edge, face])),
-        np.concatenate(finer),
-        halves[still],
-        np.tile(blunter, 2)[still],
+    matrix = csr_array(vstack([vertex, edge, face]))
+    creases, sharpness = halves[still], np.tile(blunter, 2)[still]
+    return matrix, ControlMesh(
+        matrix @ mesh.vertices, np.concatenate(finer), creases, sharpness, mesh.corners
     )
 
 
@@ -247,50 +232,52 @@ def _smooth_points(
     return csr_array(vertex), csr_array(ends + beside @ face), face
 
 
-def _sharpness_of_edges(edges: IntArray, creases: IntArray, sharpness: FloatArray) -> FloatArray:
+def _sharpness_of_edges(edges: IntArray, mesh: ControlMesh) -> FloatArray:
     """How sharp (E,) each edge is."""
     sharp = np.zeros(len(edges))
-    if len(creases):
+    if len(mesh.creases):
         count = int(edges.max()) + 1
-        ends = np.sort(creases, axis=1)
+        ends = np.sort(mesh.creases, axis=1)
         keys = edges[:, 0] * count + edges[:, 1]
-        sharp[np.searchsorted(keys, ends[:, 0] * count + ends[:, 1])] = sharpness
+        sharp[np.searchsorted(keys, ends[:, 0] * count + ends[:, 1])] = mesh.sharpness
     return sharp
 
 
 def _sharpened(
-    vertex: csr_array, edge: csr_array, edges: IntArray, sharp: FloatArray, count: int
+    vertex: csr_array, edge: csr_array, edges: IntArray, sharp: FloatArray, mesh: ControlMesh
 ) -> tuple[csr_array, csr_array]:
     """Points of vertices and edges, moved towards those of the sharp rules by how sharp they are."""
     share = np.minimum(sharp, 1.0)
     rows = np.repeat(np.arange(len(edges)), 2).reshape(-1, 2)
     middle = _matrix(rows, edges, 0.5, edge.shape)
     edge = csr_array(diags_array(1 - share) @ edge + diags_array(share) @ middle)
-    rule, on_crease = _crease_rule(edges, sharp, count, (6.0, 1.0))
+    rule, on_crease = _crease_rule(edges, sharp, mesh, (6.0, 1.0))
     vertex = csr_array(diags_array(1 - on_crease) @ vertex + diags_array(on_crease) @ rule)
     return vertex, edge
 
 
 def _crease_rule(
-    edges: IntArray, sharp: FloatArray, count: int, weights: tuple[float, float]
+    edges: IntArray, sharp: FloatArray, mesh: ControlMesh, weights: tuple[float, float]
 ) -> tuple[csr_array, FloatArray]:
     """Matrix (V, V) of the points along creases and at their corners, and how much of it counts (V,)."""
     # On a crease a vertex and its two neighbours along it have the weights; where other than two sharp edges
     # meet the vertex stays where it is, but at the end of a single one, which is smooth.
-    kept = sharp > 0
+    kept, count = sharp > 0, len(mesh.vertices)
     ends = edges[kept]
     both = np.concatenate([ends, ends[:, ::-1]])
     number = np.bincount(ends.ravel(), minlength=count)
     total = np.bincount(ends.ravel(), np.repeat(np.minimum(sharp[kept], 1.0), 2), count)
     share = np.where(number >= 2, total / np.maximum(number, 1), 0.0)
+    number[mesh.corners], share[mesh.corners] = 3, 1.0
     own, other = weights[0] / (weights[0] + 2 * weights[1]), weights[1] / (weights[0] + 2 * weights[1])
     along = number == 2
     links = _matrix(both[:, 0], both[:, 1], other * along[both[:, 0]], (count, count))
     return csr_array(links + diags_array(np.where(along, own, 1.0))), share
 
 
-def _limit_matrix(quads: IntArray, creases: IntArray, sharpness: FloatArray, count: int) -> csr_array:
+def _limit_matrix(mesh: ControlMesh) -> csr_array:
     """Matrix (V, V) of the places on the limit surface that the vertices go to."""
+    quads, count = mesh.quads, len(mesh.vertices)
     valence = np.maximum(np.bincount(quads.ravel(), minlength=count), 1).astype(float)
     scale = 1 / (valence * (valence + 5))
     rows, columns, values = [np.arange(count)], [np.arange(count)], [valence / (valence + 5)]
@@ -300,9 +287,9 @@ def _limit_matrix(quads: IntArray, creases: IntArray, sharpness: FloatArray, cou
             columns.append(quads[:, (k + other) % 4])
             values.append(weight * scale[quads[:, k]])
     smooth = _matrix(np.concatenate(rows), np.concatenate(columns), np.concatenate(values), (count, count))
-    if not len(creases):
+    if not len(mesh.creases) and not len(mesh.corners):
         return smooth
     edges, _ = quad_edges(quads)
-    sharp = _sharpness_of_edges(edges, creases, sharpness)
-    rule, share = _crease_rule(edges, np.where(sharp >= SHARP, sharp, 0.0), count, (4.0, 1.0))
+    sharp = _sharpness_of_edges(edges, mesh)
+    rule, share = _crease_rule(edges, np.where(sharp >= SHARP, sharp, 0.0), mesh, (4.0, 1.0))
     return csr_array(diags_array(1 - share) @ smooth + diags_array(share) @ rule)
