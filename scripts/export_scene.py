@@ -6,7 +6,8 @@ from cccd.files.write import check_format
 from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
 from cccd_labels.scene import name_organs
-from cccd_solids.build import build_solids, write_organs
+from cccd_solids.build import write_organs
+from cccd_walls.solids import build_together
 from cccd_workflow.job import job
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
@@ -17,8 +18,7 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
     }
     meshes = {name: surface.mesh for name, surface in surfaces.items()}
     colours = {organ.organ: organ.rgb for organ in name_organs(meshes, snakemake.params.labels)}
-    tolerance = snakemake.params.tolerance_mm
-    organs = {name: build_solids(surface, tolerance) for name, surface in surfaces.items()}
+    organs = build_together(surfaces, snakemake.params.tolerance_mm)
     with atomic_path(Path(snakemake.output.scene)) as temporary:
         report = write_organs(temporary, organs, colours, snakemake.wildcards.scene_format)
     write_json(snakemake.output.report, report)

@@ -4,7 +4,6 @@ import logging
 from pathlib import Path
 
 from cccd.store import read_json, read_report, read_structure, write_json
-from cccd.surface.measure import measure_surface, volume_warnings
 from cccd.surface.surface import read_surface
 from cccd_viewers.page_files import write_view
 from cccd_workflow.curve_measures import doubtful_slices, measure_curves
@@ -12,6 +11,7 @@ from cccd_workflow.job import job
 from cccd_workflow.report.render import render_surface
 from cccd_workflow.report.structure_view import build_structure_page
 from cccd_workflow.stage_files import read_boundaries, read_curves, read_splines
+from cccd_workflow.surface_measures import measure_surface, volume_warnings
 from cccd_workflow.view import make_view
 
 #: Slices to annotate next that are named.

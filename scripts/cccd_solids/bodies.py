@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -12,24 +11,8 @@ from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
 
-@dataclass(frozen=True)
-class Body:
-    """One body.
-
-    Attributes
-    ----------
-    outer : Mesh
-        Closed, in one piece, counter-clockwise from outside.
-    cavities : tuple of Mesh
-        Likewise, counter-clockwise from inside the cavity: their volumes are negative.
-    """
-
-    outer: Mesh
-    cavities: tuple[Mesh, ...] = ()
-
-
-def split_bodies(mesh: Mesh) -> list[Body]:
-    """Split a closed mesh into bodies, largest first.
+def split_bodies(mesh: Mesh) -> list[list[Mesh]]:
+    """Split a closed mesh into bodies, largest first: an outer piece each, then the cavities in it.
 
     A piece of negative volume is a cavity of the smallest body that holds it.
 
@@ -44,14 +27,12 @@ def split_bodies(mesh: Mesh) -> list[Body]:
     >>> large, small = (trimesh.creation.icosphere(2, radius) for radius in (10, 4))
     >>> cavity = trimesh.Trimesh(small.vertices, small.faces[:, ::-1], process=False)
     >>> both = trimesh.util.concatenate([large, cavity])
-    >>> (body,) = split_bodies(Mesh(np.array(both.vertices), np.array(both.faces, np.int64)))
-    >>> len(body.cavities), body.cavities[0].volume < 0
-    (1, True)
+    >>> ((outer, inner),) = split_bodies(Mesh(np.array(both.vertices), np.array(both.faces, np.int64)))
+    >>> outer.volume > 0, inner.volume < 0
+    (True, True)
     """
     pieces = sorted(mesh.pieces(), key=lambda piece: -piece.volume)
-    return [
-        Body(pieces[outer], tuple(pieces[n] for n in cavities)) for outer, *cavities in nest_pieces(pieces)
-    ]
+    return [[pieces[n] for n in body] for body in nest_pieces(pieces)]
 
 
 def nest_pieces(pieces: Sequence[Mesh]) -> list[list[int]]:

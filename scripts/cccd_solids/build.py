@@ -55,6 +55,12 @@ class Solids:
     report: dict[str, Any]
     warnings: list[str]
 
+    @classmethod
+    def of(cls, bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float, **more: float) -> Solids:
+        """Hold bodies against the closed mesh that they follow."""
+        report = _report(bodies, mesh, tolerance) | more
+        return cls(bodies, report, _warnings(report))
+
 
 def build_solids(
     surface: LoftedSurface | Mesh,
@@ -80,14 +86,10 @@ def build_solids(
         raise InputError("surface", "the mesh is not closed: it encloses no solid", "export another format")
     area = mesh.area
     bodies = [
-        [
-            _follow(piece, piece.area / area, tolerance, most_quads, most_facets)
-            for piece in (body.outer, *body.cavities)
-        ]
+        [_follow(piece, piece.area / area, tolerance, most_quads, most_facets) for piece in body]
         for body in split_bodies(mesh)
     ]
-    report = _report(bodies, mesh, tolerance)
-    return Solids(bodies, report, _warnings(report))
+    return Solids.of(bodies, mesh, tolerance)
 
 
 def _of_splines(splines: Sequence[ControlMesh], tolerance: float) -> Solids:
@@ -95,11 +97,10 @@ def _of_splines(splines: Sequence[ControlMesh], tolerance: float) -> Solids:
     shells = [spline_shell_of(spline) for spline in splines]
     bodies = [[shells[n] for n in body] for body in nest_pieces([shell.mesh for shell in shells])]
     limit = _together([shell.limit for shell in shells])
-    report = _report(bodies, limit, tolerance) | _jumps(shells)
-    return Solids(bodies, report, _warnings(report))
+    return Solids.of(bodies, limit, tolerance, **_jumps(shells))
 
 
-def _jumps(shells: Sequence[SplineShell]) -> dict[str, Any]:
+def _jumps(shells: Sequence[SplineShell]) -> dict[str, float]:
     """How far normals jump over edges that are no creases."""
     jumps = np.concatenate([shell.jumps.ravel() for shell in shells])
     jumps = jumps if len(jumps) else np.zeros(1)

@@ -72,8 +72,7 @@ def facet_shell(mesh: Mesh) -> Any:
     points = [_point(vertex) for vertex in mesh.vertices]
     vertices = [_vertex(build, point) for point in points]
     edges: dict[tuple[int, int], Any] = {}
-    shell = TopoDS.TopoDS_Shell()
-    build.MakeShell(shell)
+    made: list[Any] = []
     for corners, normal in zip(mesh.faces.tolist(), mesh.unit_normals.tolist(), strict=True):
         wire = TopoDS.TopoDS_Wire()
         build.MakeWire(wire)
@@ -91,9 +90,8 @@ def facet_shell(mesh: Mesh) -> Any:
         build.MakeFace(face, Geom.Geom_Plane(points[corners[0]], gp.gp_Dir(*normal)), PRECISION_MM)
         wire.Closed(True)
         build.Add(face, wire)
-        build.Add(shell, face)
-    shell.Closed(True)
-    return shell
+        made.append(face)
+    return _shell(build, made)
 
 
 class Curve(NamedTuple):
@@ -137,18 +135,22 @@ class PlanarFace(NamedTuple):
     normal: FloatArray
 
 
-def spline_shell(
-    points: FloatArray, curves: Sequence[Curve], faces: Sequence[SplineFace | PlanarFace]
-) -> Any:
-    """Make a closed ``TopoDS_Shell`` of faces that share their edges.
+def spline_shells(
+    points: FloatArray,
+    curves: Sequence[Curve],
+    faces: Sequence[SplineFace | PlanarFace],
+    shells: Sequence[Sequence[tuple[int, bool]]],
+) -> list[Any]:
+    """Make closed shells, ``TopoDS_Shell``, of faces that share their edges; two shells may share a face.
 
     Parameters
     ----------
     points : (V, 3) float64
         Of the vertices; those that no edge ends at may be among them.
     curves : sequence of Curve
-        Each is in two faces, once forward and once backward.
     faces : sequence of SplineFace or PlanarFace
+    shells : sequence of sequence of (int, bool)
+        The faces of each, and whether their outer side is that of the shell.
     """
     from OCP import BRep, Geom, TopAbs, TopoDS, gp
 
@@ -156,8 +158,7 @@ def spline_shell(
     ends = {n for curve in curves for n in (curve.start, curve.end)}
     vertices = {n: _vertex(build, _point(points[n])) for n in sorted(ends)}
     edges = [_spline_edge(build, curve, vertices) for curve in curves]
-    shell = TopoDS.TopoDS_Shell()
-    build.MakeShell(shell)
+    made: list[Any] = []
     for bounded in faces:
         face = TopoDS.TopoDS_Face()
         if isinstance(bounded, SplineFace):
@@ -179,6 +180,17 @@ def spline_shell(
                 build.Add(wire, edge.Oriented(TopAbs.TopAbs_FORWARD if forward else TopAbs.TopAbs_REVERSED))
             wire.Closed(True)
             build.Add(face, wire)
+        made.append(face)
+    return [_shell(build, [made[n] if same else made[n].Reversed() for n, same in shell]) for shell in shells]
+
+
+def _shell(build: Any, faces: Sequence[Any]) -> Any:
+    """Make a closed shell of faces."""
+    from OCP import TopoDS
+
+    shell = TopoDS.TopoDS_Shell()
+    build.MakeShell(shell)
+    for face in faces:
         build.Add(shell, face)
     shell.Closed(True)
     return shell

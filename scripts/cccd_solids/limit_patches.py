@@ -42,6 +42,8 @@ class HalfEdges:
         The next one clockwise.
     sharp : (4 Q,) bool
         Whether it lies on a crease.
+    creases : (4 Q,) int64
+        How many creases meet where it begins; three and more at every point that the surface goes through.
     """
 
     origin: IntArray
@@ -49,6 +51,7 @@ class HalfEdges:
     around: IntArray
     back: IntArray
     sharp: BoolArray
+    creases: IntArray
 
     @classmethod
     def of(cls, mesh: ControlMesh) -> HalfEdges:
@@ -63,7 +66,10 @@ class HalfEdges:
         count = len(mesh.vertices)
         ends = np.sort(mesh.creases, axis=1)
         creased = np.isin(edges[:, 0] * count + edges[:, 1], ends[:, 0] * count + ends[:, 1])
-        return cls(mesh.quads.ravel(), twin, around, back, creased[side.ravel()])
+        number = np.bincount(edges[creased].ravel(), minlength=count)
+        number[mesh.corners] += 3
+        origin = mesh.quads.ravel()
+        return cls(origin, twin, around, back, creased[side.ravel()], number[origin])
 
     @cached_property
     def following(self) -> IntArray:
@@ -75,11 +81,6 @@ class HalfEdges:
     def valence(self) -> IntArray:
         """How many begin at the same vertex (4 Q,)."""
         return np.bincount(self.origin)[self.origin]
-
-    @cached_property
-    def creases(self) -> IntArray:
-        """How many creases meet where it begins (4 Q,)."""
-        return np.bincount(self.origin, self.sharp)[self.origin].astype(np.int64)
 
     @cached_property
     def sector(self) -> tuple[IntArray, IntArray]:

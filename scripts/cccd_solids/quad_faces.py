@@ -95,10 +95,9 @@ class QuadFaces:
 
     @cached_property
     def joined(self) -> BoolArray:
-        """Whether the edge of a half-edge (4 Q,) goes on along its successor: the middle of a side."""
+        """Whether the edge of a half-edge (4 Q,) goes on along its successor: within a side, off creases."""
         after = self.links.twin[self.successor]  # ends where the half-edge does, on the other side
-        middle = self._place == 0
-        passes = (middle | self.planar) & (middle | self.planar)[after] & (middle | middle[after])
+        passes = (self._place == 0) & (self._place == 0)[after] & ~self.links.sharp
         return passes & ~self.inside & (self.successor[after] == self.links.twin)
 
     @cached_property

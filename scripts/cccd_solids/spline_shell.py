@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +12,7 @@ import numpy as np
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd_solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shell
+from cccd_solids.kernel import Bound, Curve, PlanarFace, SplineFace, spline_shells
 from cccd_solids.limit_patches import LimitPatches, settled
 from cccd_solids.quad_faces import QuadFaces, flattened
 
@@ -51,27 +52,26 @@ class SplineShell:
     @classmethod
     def of(cls, mesh: ControlMesh, halved: int = 0) -> SplineShell:
         """Make the shell of a closed mesh, with patches of quads that were halved so often."""
-        mesh = flattened(settled(mesh))
-        faces = QuadFaces.of(mesh)
+        shell = cls.exactly(flattened(settled(mesh)), halved)
+        on_plane = np.zeros(int(shell.quads.max()) + 1, np.bool_)
+        on_plane[shell.quads[_of_halves(shell.faces.planar, halved).reshape(-1, 4).any(axis=1)]] = True
+        return replace(shell, patches=shell.patches.rounded(STEP_MM, on_plane))
+
+    @classmethod
+    def exactly(cls, mesh: ControlMesh, halved: int = 0) -> SplineShell:
+        """Make the shell of a closed mesh, whose creases are sharp for ever, without rounding."""
         finer = mesh.subdivided(halved)
-        on_plane = np.zeros(len(finer.vertices), np.bool_)
-        on_plane[finer.quads[_of_halves(faces.planar, halved).reshape(-1, 4).any(axis=1)]] = True
-        patches = LimitPatches.of(finer).eased().rounded(STEP_MM, on_plane)
-        return cls(mesh, faces, halved, patches, finer.quads)
+        return cls(mesh, QuadFaces.of(mesh), halved, LimitPatches.of(finer).eased(), finer.quads)
 
     @property
     def planar(self) -> int:
         """How many of its faces are planes."""
         return len(self.faces.normals)
 
-    @property
+    @cached_property
     def mesh(self) -> Mesh:
         """Triangles through points of the patches, closed as the patches are."""
-        return self._triangles
-
-    @cached_property
-    def _triangles(self) -> Mesh:
-        return _grid_triangles(self.quads, self.patches.samples(SAMPLED))
+        return grid_triangles(self.quads, self.patches.samples(SAMPLED))
 
     @property
     def limit(self) -> Mesh:
@@ -94,9 +94,12 @@ class SplineShell:
 
     def build(self) -> Any:
         """Make the ``TopoDS_Shell``."""
-        return spline_shell(self.patches.corners, self._curves(), self._faces())
+        faces = self.bounded_faces()
+        whole = [(n, True) for n in range(len(faces))]
+        return spline_shells(self.patches.corners, self.curves(), faces, [whole])[0]
 
-    def _curves(self) -> list[Curve]:
+    def curves(self) -> list[Curve]:
+        """Give the edges of its faces, in the order of ``faces.edges``."""
         faces, links = self.faces, self.faces.links
         sides = [np.rot90(self._grids, k, axes=(1, 2))[:, 0] for k in range(4)]
         rows = np.stack(sides, axis=1).reshape(-1, *sides[0].shape[1:])
@@ -110,7 +113,8 @@ class SplineShell:
             for n, (start, end) in enumerate(zip(*(part.tolist() for part in ends), strict=True))
         ]
 
-    def _faces(self) -> list[SplineFace | PlanarFace]:
+    def bounded_faces(self) -> list[SplineFace | PlanarFace]:
+        """Give its faces within their edges, in the order of ``faces``."""
         faces, links = self.faces, self.faces.links
         number = np.full(len(links.twin), -1)
         number[faces.edges] = np.arange(len(faces.edges))
@@ -167,11 +171,13 @@ def _of_halves(marked: BoolArray, halved: int) -> BoolArray:
     return np.tile(marked.reshape(-1, 4), (4**halved, 1)).ravel()
 
 
-def spline_shell_of(mesh: ControlMesh) -> SplineShell:
+def spline_shell_of(
+    mesh: ControlMesh, make: Callable[[ControlMesh, int], SplineShell] = SplineShell.of
+) -> SplineShell:
     """Make the shell of a closed mesh; quads are halved where normals would jump too far over edges."""
     halved = 0
     while True:
-        shell = SplineShell.of(mesh, halved)
+        shell = make(mesh, halved)
         jumps = shell.jumps
         even = jumps.size == 0 or (jumps.mean() <= MEAN_JUMP and np.percentile(jumps, 99) <= MOST_JUMP)
         if even or halved == HALVED:
@@ -218,7 +224,7 @@ def grid_ids(quads: IntArray, count: int) -> IntArray:
     return ids
 
 
-def _grid_triangles(quads: IntArray, samples: FloatArray) -> Mesh:
+def grid_triangles(quads: IntArray, samples: FloatArray) -> Mesh:
     """Triangles through samples (Q, n, n, 3) of quads (Q, 4), closed where those are."""
     ids = grid_ids(quads, samples.shape[1])
     points = np.empty((int(ids.max()) + 1, 3))

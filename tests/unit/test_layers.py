@@ -25,6 +25,7 @@ PACKAGES = {
     "cccd_viewers": "meshes",
     "cccd_meshes": "dicom",
     "cccd_solids": "",
+    "cccd_walls": "solids",
     "cccd_tetrahedra": "",
     "cccd_vessels": "meshes tetrahedra",
     "cccd_labels": "viewers",

@@ -23,7 +23,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.tolerances import TINY
 
 #: Most triangles around a vertex: more would make quads of the layout needles.
-_MOST_AROUND = 14
+MOST_AROUND = 14
 
 #: Share of the area that pulls a new vertex to the middle of its edge where the quadric leaves it free.
 _TO_THE_MIDDLE = 1e-3
@@ -36,10 +36,10 @@ _SLIVER = 1e-6
 
 #: Edges that may collapse in a round: this share, the cheapest of all. With more the triangles lie farther
 #: from what they came of.
-_CHEAPEST = 0.2
+CHEAPEST = 0.2
 
 #: Times that a round looks for edges beside those that it has found already.
-_PASSES = 3
+PASSES = 3
 
 #: `fast_simplification` goes ahead to so many times the triangles that are to be left, where these need be no
 #: more even than this weight makes them.
@@ -172,6 +172,67 @@ def ahead(mesh: Mesh, most: int) -> Mesh:
     return mesh
 
 
+@dataclass(frozen=True, eq=False)
+class Quadrics:
+    """Squared distances to the planes around vertices, weighted by area (Garland and Heckbert 1997).
+
+    Attributes
+    ----------
+    values : (V, 10) float64
+        Upper triangles of the 4 x 4 matrices.
+    areas : (V,) float64
+        Of the triangles that they are of.
+    """
+
+    values: FloatArray
+    areas: FloatArray
+
+    @classmethod
+    def of(cls, mesh: Mesh, weights: FloatArray | None = None) -> Quadrics:
+        """Add them up at the vertices of a mesh, with factors (V,)."""
+        area = np.linalg.norm(mesh.face_normals, axis=1) / 2
+        unit = mesh.face_normals / np.maximum(2 * area, TINY)[:, None]
+        plane = np.column_stack([unit, -np.einsum("fc,fc->f", unit, mesh.vertices[mesh.faces[:, 0]])])
+        rows, columns = np.triu_indices(4)
+        total = _at_corners(mesh, np.column_stack([area[:, None] * plane[:, rows] * plane[:, columns], area]))
+        total = total if weights is None else total * weights[:, None]
+        return cls(total[:, :10], total[:, 10])
+
+    def best(self, u: IntArray, v: IntArray, points: FloatArray) -> FloatArray:
+        """Points (E, 3) of the least error to which vertices u and v (E,) join, near the middles between."""
+        quadric = (self.values[u] + self.values[v]).T
+        pull = _TO_THE_MIDDLE * (self.areas[u] + self.areas[v]) + TINY
+        right = pull * ((points[u] + points[v]) / 2).T - quadric[[3, 6, 8]]
+        return _solved(quadric[[0, 4, 7]] + pull, quadric[[1, 2, 5]], right).T
+
+    def cost(
+        self, u: IntArray, v: IntArray, points: FloatArray, to: FloatArray, evenness: float
+    ) -> FloatArray:
+        """Cost (E,) of joining vertices u and v (E,) at points ``to`` (E, 3); see `collapse_edges`."""
+        quadric, (x, y, z) = (self.values[u] + self.values[v]).T, to.T
+        error = quadric[0] * x * x + quadric[4] * y * y + quadric[7] * z * z + quadric[9]
+        error += 2 * (quadric[1] * x * y + quadric[2] * x * z + quadric[5] * y * z)
+        error += 2 * (quadric[3] * x + quadric[6] * y + quadric[8] * z)
+        square = ((points[u] - points[v]) ** 2).sum(axis=1)
+        return error + evenness * (self.areas[u] + self.areas[v]) * square
+
+    def merged(self, u: IntArray, v: IntArray, kept: BoolArray) -> Quadrics:
+        """Let v take over what u (E,) has, and keep some (V,); no two edges have an end in common."""
+        values, areas = self.values.copy(), self.areas.copy()
+        values[v] += values[u]
+        areas[v] += areas[u]
+        return Quadrics(values[kept], areas[kept])
+
+
+def _at_corners(mesh: Mesh, values: FloatArray) -> FloatArray:
+    """Add up at the vertices (V, n) what the triangles there have (F, n)."""
+    corners, count = mesh.faces.ravel(), len(mesh.faces)
+    at = csr_array(
+        (np.ones(len(corners)), (corners, np.repeat(np.arange(count), 3))), shape=(len(mesh.vertices), count)
+    )
+    return np.asarray(at @ values)
+
+
 @dataclass
 class _Edges:
     """Edges (E,) that may collapse: their ends, and the points that they become."""
@@ -191,26 +252,14 @@ class _Collapsing:
     faces: IntArray  # (F, 3)
     part: IntArray  # (F,)
     points: FloatArray  # (V, 3)
-    quadrics: FloatArray  # (V, 10), upper triangle of the 4 x 4 matrix
-    areas: FloatArray  # (V,)
+    quadrics: Quadrics
     normals: FloatArray  # (V, 3), weighted by area
     line: IntArray  # (V,), the largest part that meets another one there; -1 within a part
 
     @classmethod
     def of(cls, mesh: Mesh, part: IntArray, weights: FloatArray) -> _Collapsing:
-        """Add up quadrics, areas and normals at the vertices of a mesh."""
+        """Add up quadrics and normals at the vertices of a mesh."""
         count, corners = len(mesh.vertices), mesh.faces.ravel()
-        doubled = mesh.face_normals
-        area = np.linalg.norm(doubled, axis=1) / 2
-        unit = doubled / np.maximum(2 * area, TINY)[:, None]
-        plane = np.column_stack([unit, -np.einsum("fc,fc->f", unit, mesh.vertices[mesh.faces[:, 0]])])
-        rows, columns = np.triu_indices(4)
-        of_faces = np.column_stack([area[:, None] * plane[:, rows] * plane[:, columns], area, doubled / 2])
-        gather = csr_array(
-            (np.ones(len(corners)), (corners, np.repeat(np.arange(len(mesh.faces)), 3))),
-            shape=(count, len(mesh.faces)),
-        )
-        total: FloatArray = np.asarray(gather @ of_faces)
         least, most = np.full(count, part.max()), np.full(count, part.min())
         np.minimum.at(least, corners, np.repeat(part, 3))
         np.maximum.at(most, corners, np.repeat(part, 3))
@@ -218,9 +267,8 @@ class _Collapsing:
             mesh.faces,
             part,
             mesh.vertices,
-            total[:, :10] * weights[:, None],
-            total[:, 10] * weights,
-            total[:, 11:],
+            Quadrics.of(mesh, weights),
+            _at_corners(mesh, mesh.face_normals / 2),
             np.where(least < most, most, -1),
         )
 
@@ -228,10 +276,10 @@ class _Collapsing:
         """Collapse at most so many edges, none beside another, and say whether any did."""
         around = _Around(self.faces, len(self.points))
         edges, cost = self._edges(evenness)
-        cheap = np.argpartition(cost, min(int(_CHEAPEST * len(cost)), len(cost) - 1))
-        cheap = cheap[: max(1, int(_CHEAPEST * len(cost)))]
+        cheap = np.argpartition(cost, min(int(CHEAPEST * len(cost)), len(cost) - 1))
+        cheap = cheap[: max(1, int(CHEAPEST * len(cost)))]
         cheap = cheap[np.lexsort((cheap, cost[cheap]))]
-        chosen = self._apart(edges.take(cheap), around, _PASSES)
+        chosen = self._apart(edges.take(cheap), around, PASSES)
         if not len(chosen.u):  # what was too dear may do
             chosen = self._apart(edges.take(np.argsort(cost, kind="stable")), around, len(edges.u))
         self._merge(chosen.take(slice(most)))
@@ -262,19 +310,10 @@ class _Collapsing:
 
     def _cost(self, u: IntArray, v: IntArray, evenness: float) -> tuple[FloatArray, FloatArray]:
         """Cost (E,) of joining two vertices, and the points (E, 3) of least quadric error they move to."""
-        quadric = (self.quadrics[u] + self.quadrics[v]).T
-        area = self.areas[u] + self.areas[v]
-        a, b = self.points[u], self.points[v]
-        pull = _TO_THE_MIDDLE * area + TINY
-        right = pull * ((a + b) / 2).T - quadric[[3, 6, 8]]
-        to = _solved(quadric[[0, 4, 7]] + pull, quadric[[1, 2, 5]], right).T
-        to = np.where(self.line[u][:, None] >= 0, a, to)
-        to = np.where(self.line[v][:, None] >= 0, b, to)
-        x, y, z = to.T
-        error = quadric[0] * x * x + quadric[4] * y * y + quadric[7] * z * z + quadric[9]
-        error += 2 * (quadric[1] * x * y + quadric[2] * x * z + quadric[5] * y * z)
-        error += 2 * (quadric[3] * x + quadric[6] * y + quadric[8] * z)
-        return error + evenness * area * ((a - b) ** 2).sum(axis=1), to
+        to = self.quadrics.best(u, v, self.points)
+        to = np.where(self.line[u][:, None] >= 0, self.points[u], to)
+        to = np.where(self.line[v][:, None] >= 0, self.points[v], to)
+        return self.quadrics.cost(u, v, self.points, to, evenness), to
 
     def _apart(self, edges: _Edges, around: _Around, passes: int) -> _Edges:
         """Choose edges that may collapse at once, cheapest first."""
@@ -314,11 +353,11 @@ class _Collapsing:
             like = (line == self.line[g]) & (line == self.line[h]) & (line != self.line[x[edge]])
             good[edge[like & (line > self.part[face])]] = False
             a, b = self.points[g], self.points[h]
-            normal, edges2 = _doubled(edges.to[edge], a, b)
+            normal, edges2 = doubled(edges.to[edge], a, b)
             size = np.linalg.norm(normal, axis=1)
             there = joined[edge] + unit_vectors(self.normals[g]) + unit_vectors(self.normals[h])
             turned = (normal * there).sum(axis=1) < _LEAST_COSINE * size * np.linalg.norm(there, axis=1)
-            old, old_edges2 = _doubled(self.points[x[edge]], a, b)
+            old, old_edges2 = doubled(self.points[x[edge]], a, b)
             thinner = size * old_edges2 < np.linalg.norm(old, axis=1) * edges2
             good[edge[turned | ((size < _SLIVER * edges2) & thinner)]] = False
         return good
@@ -326,8 +365,7 @@ class _Collapsing:
     def _merge(self, edges: _Edges) -> None:
         """Collapse edges, none beside another."""
         u, v = edges.u, edges.v
-        for values in (self.quadrics, self.normals, self.areas):
-            values[v] += values[u]
+        self.normals[v] += self.normals[u]
         self.points[v] = edges.to
         self.line[v] = np.maximum(self.line[v], self.line[u])
         kept = np.ones(len(self.points), np.bool_)
@@ -337,8 +375,8 @@ class _Collapsing:
         faces = number[self.faces]
         left = np.all(faces != np.roll(faces, 1, axis=1), axis=1)
         self.faces, self.part = faces[left], self.part[left]
-        self.points, self.quadrics, self.areas = self.points[kept], self.quadrics[kept], self.areas[kept]
-        self.normals, self.line = self.normals[kept], self.line[kept]
+        self.quadrics = self.quadrics.merged(u, v, kept)
+        self.points, self.normals, self.line = self.points[kept], self.normals[kept], self.line[kept]
 
 
 class _Around:
@@ -390,7 +428,7 @@ class _Around:
         keys.sort()
         edge, across = np.divmod(keys[1:][keys[1:] == keys[:-1]], count)
         shared = np.bincount(edge, minlength=len(u))
-        good = (shared == 2) & (sizes[u] + sizes[v] - 4 <= _MOST_AROUND)
+        good = (shared == 2) & (sizes[u] + sizes[v] - 4 <= MOST_AROUND)
         # a vertex across keeps three neighbours at least, whatever collapses around it
         lost = np.bincount(across[good[edge]], minlength=count)
         good[edge[sizes[across] - lost[across] < 3]] = False
@@ -406,7 +444,7 @@ def _solved(diagonal: FloatArray, beside: FloatArray, right: FloatArray) -> Floa
     return solution / (xx * i + xy * j + xz * k)
 
 
-def _doubled(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
+def doubled(a: FloatArray, b: FloatArray, c: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return normals (N, 3) of triangles, as long as twice their areas, and sums (N,) of squared edges."""
     ab, ac, bc = b - a, c - a, c - b
     x = ab[:, 1] * ac[:, 2] - ab[:, 2] * ac[:, 1]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -13,9 +12,7 @@ from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice, normal_angles, surface_distances
-from cccd.store import bodies_bytes
 from cccd.surface.surface import LoftedSurface
-from cccd.tolerances import VOLUME_BIAS
 
 #: Points on each of two surfaces by which their distances are measured.
 SAMPLES = 50_000
@@ -47,10 +44,6 @@ def voxel_surface(mask: BoolArray, affine: FloatArray, origin: RealArray) -> Mes
     """Marching cubes at one half on a mask (a, b, c), of which ``origin`` (3,) is the first voxel's index."""
     padded = np.pad(mask, 1).astype(np.float32)
     return ScalarGrid(padded, affine, origin - 1).isosurface(0.5).outwards()
-
-
-#: What of the lofting's report is no figure, or measured anew.
-_UNMEASURED = ("warnings", "vertices")
 
 
 class Reference(NamedTuple):
@@ -103,7 +96,7 @@ def measure_agreement(
     figures: dict[str, float] = {}
     if structure.mask is not None:
         figures["dice_3d"] = voxel_dice(mesh, structure)
-    if reference is None and _is_known(structure):
+    if reference is None and is_known(structure):
         reference = Reference.of(structure)
     whole = None
     if reference is not None:
@@ -119,7 +112,7 @@ def measure_agreement(
     return figures | _normals(mesh, structure)
 
 
-def _is_known(structure: Structure) -> bool:
+def is_known(structure: Structure) -> bool:
     """Whether there is a surface to measure against: a mask of some slices has none between them."""
     return structure.truth is not None or (structure.mask is not None and structure.annotation is None)
 
@@ -134,46 +127,6 @@ def voxel_dice(mesh: Mesh, structure: Structure) -> float:
         drawn = structure.annotation.slices - int(structure.origin[axis])
         return float(dice(structure.mask.take(drawn, axis), block.take(drawn, axis)))
     return float(dice(structure.mask, block))
-
-
-def volume_warnings(figures: Mapping[str, Any]) -> list[str]:
-    """Say so when a surface holds much more or less than its organ, as one does that lost a part."""
-    bias = float(figures.get("volume_bias", 0.0))
-    if abs(bias) <= VOLUME_BIAS:
-        return []
-    return [
-        f"the surface's volume is {abs(bias):.0%} {'below' if bias < 0 else 'above'} the organ's: check it"
-    ]
-
-
-def measure_surface(surface: LoftedSurface, structure: Structure) -> dict[str, Any]:
-    """Everything for ``metrics.json``: the mesh's figures, what the lofting reported, the bytes kept."""
-    reported = {key: value for key, value in surface.report.items() if key not in _UNMEASURED}
-    reference = Reference.of(structure) if _is_known(structure) else None
-    kept = bodies_bytes(surface.bodies)
-    compactness = {"compactness": reported["marching_cubes_bytes"] / kept} if kept else {}
-    compared = {"reference": "mask" if structure.truth is None else "true surface"} if reference else {}
-    return {
-        **measure_mesh(surface.mesh, structure, reference),
-        **_size_and_place(surface.mesh),
-        **compared,
-        **measure_band(surface),
-        **reported,
-        "control_bytes": kept,
-        **compactness,
-    }
-
-
-def _size_and_place(mesh: Mesh) -> dict[str, Any]:
-    """Area, bounding box (its lowest and its highest corner) and centre of mass of a closed mesh, mm RAS."""
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    corners = mesh.vertices[mesh.faces] - low  # of tetrahedra whose fourth corner is the box's lowest
-    volumes = np.linalg.det(corners)
-    return {
-        "area_mm2": mesh.area,
-        "bounding_box_mm": [low.tolist(), high.tolist()],
-        "centroid_mm": (low + volumes @ corners.sum(axis=1) / (4 * volumes.sum())).tolist(),
-    }
 
 
 def measure_band(surface: LoftedSurface) -> dict[str, Any]:

@@ -70,7 +70,7 @@ class Target:
 
     def away(self, points: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
         """How far (P,) the mesh is from points (P, 3) along normals, and whether it faces as they do."""
-        nearest = self.tree.query(points)[1]
+        nearest, points = self.tree.query(points)[1], points[:, :3]
         plane = self.mesh.vertex_normals[nearest]
         cosine = np.einsum("pc,pc->p", plane, normals)
         off = np.einsum("pc,pc->p", self.mesh.vertices[nearest] - points, plane)
@@ -87,6 +87,8 @@ class SplineFit:
     target : Target
     """
 
+    rounds = UNTANGLING_ROUNDS
+
     def __init__(self, wall: ControlMesh, target: Target) -> None:
         self.wall, self.target = wall, target
         self.points = wall.vertices.copy()
@@ -95,7 +97,7 @@ class SplineFit:
         self.rim = np.zeros(self.sampling.shape[0], np.bool_)
         self.rim[open_edges(self.triangles)] = True
         self.edges, _ = quad_edges(wall.quads)
-        self.neighbours = _neighbour_means(self.edges, wall, self.rim[: len(self.points)])
+        self.neighbours = neighbour_means(self.edges, wall, self.rim[: len(self.points)])
 
     @property
     def spline(self) -> ControlMesh:
@@ -108,7 +110,7 @@ class SplineFit:
         samples = self.sampling @ self.points
         normals = self._normals(samples)
         along = normals[: len(self.points)]
-        missing, facing = self.target.away(samples, normals)
+        missing, facing = self._away(samples, normals)
         area = Mesh(samples, self.triangles).vertex_areas
         weight = np.maximum(area, LEAST_AREA * np.median(area)) * facing
         seen = _scaled(self.sampling, normals, along)
@@ -126,7 +128,7 @@ class SplineFit:
     def off(self) -> tuple[FloatArray, FloatArray]:
         """Places (P, 3) on the surface, and how many mm (P,) each is off the mesh."""
         samples = self.sampling @ self.points
-        return samples, np.abs(self.target.away(samples, self._normals(samples))[0])
+        return samples, np.abs(self._away(samples, self._normals(samples))[0])
 
     def move(self, by: float) -> None:
         """Move the surface outwards by so many mm; rims stay in their planes."""
@@ -169,7 +171,7 @@ class SplineFit:
             return triangles.passing_pairs(sampler.matrix @ written(self.wall.moved(points)))
 
         fewest = pairs_of(self.points)
-        for way, rounds in zip((BACK, EVENING_OUT, UNFOLDING), UNTANGLING_ROUNDS, strict=True):
+        for way, rounds in zip((BACK, EVENING_OUT, UNFOLDING), self.rounds, strict=True):
             points, pairs, waited = self.points, fewest, 0
             moving = np.zeros(len(points), np.bool_)
             for _ in range(rounds):
@@ -188,6 +190,9 @@ class SplineFit:
                 if len(pairs) < len(fewest):
                     self.points, fewest, waited = points, pairs, 0
         return fewest
+
+    def _away(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
+        return self.target.away(samples, normals)
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         """Give unit normals (P, 3), on a rim within the plane of its cap."""
@@ -246,7 +251,7 @@ def _scaled(matrix: csr_array, rows: FloatArray, columns: FloatArray) -> csr_arr
     return csr_array((values, matrix.indices, matrix.indptr), shape=matrix.shape)
 
 
-def _neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
+def neighbour_means(edges: IntArray, wall: ControlMesh, rim: BoolArray) -> csr_array:
     """Matrix (V, V) of the mean of each control point's neighbours; on a rim, of those along it."""
     count = len(wall.vertices)
     key = np.sort(wall.creases, axis=1) @ [count, 1] if len(wall.creases) else np.zeros(0, np.int64)

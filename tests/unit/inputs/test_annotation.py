@@ -13,10 +13,10 @@ from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_drawn, read_structure, write_structure
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
 from cccd_workflow.cohort import read_cohort
 from cccd_workflow.stage_files import read_compared
+from cccd_workflow.surface_measures import measure_surface
 
 ORIGIN = np.array([3, 10, 20])
 

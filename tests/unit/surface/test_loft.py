@@ -12,8 +12,8 @@ from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
 from cccd.metrics import dice
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import measure_surface
 from cccd.tracing import trace_mask
+from cccd_workflow.surface_measures import measure_surface
 
 
 def agreement(surface, mask):

@@ -8,7 +8,8 @@ from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import normal_angles
-from cccd.surface.measure import measure_mesh, volume_warnings
+from cccd.surface.measure import measure_mesh
+from cccd_workflow.surface_measures import volume_warnings
 
 
 def drawn_box(depth: int) -> Structure:

@@ -1,0 +1,1 @@
+"""Splines through organs that share their walls: solids whose neighbours have the same faces."""
