@@ -10,6 +10,9 @@ from cccd.geometry.arrays import FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 
+#: A cavity of this share of the largest body may have been turned inside out by rounding.
+SPECK = 1e-4
+
 
 def split_bodies(mesh: Mesh) -> list[list[Mesh]]:
     """Split a closed mesh into bodies, largest first: an outer piece each, then the cavities in it.
@@ -41,7 +44,7 @@ def nest_pieces(pieces: Sequence[Mesh]) -> list[list[int]]:
     Raises
     ------
     ValueError
-        When a cavity lies in no body.
+        When a cavity lies in no body, but for specks: these are left out.
     """
     volumes = [piece.volume for piece in pieces]
     order = sorted(range(len(pieces)), key=lambda n: -volumes[n])
@@ -49,9 +52,10 @@ def nest_pieces(pieces: Sequence[Mesh]) -> list[list[int]]:
     for n in order[len(bodies) :]:
         inside = pieces[n].vertices[pieces[n].faces[0, 0]]
         holding = [body for body in bodies if _holds(pieces[body[0]], inside)]
-        if not holding:
+        if holding:
+            holding[-1].append(n)
+        elif -volumes[n] > SPECK * max(volumes):
             raise ValueError("a cavity lies outside all bodies: the mesh is no closed solid")
-        holding[-1].append(n)
     return bodies
 
 

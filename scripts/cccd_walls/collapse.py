@@ -105,8 +105,9 @@ class _Around:
         at = csr_array((corners, (walls.triangles.ravel(), corners)), shape=(self._count, len(corners)))
         self._corners = at.indptr.astype(np.int64), at.indices.astype(np.int64)
         ends = walls.edges.ends
-        both = np.concatenate([ends, ends[:, ::-1]])
-        links = coo_array((np.ones(len(both)), tuple(both.T)), shape=(self._count,) * 2).tocsr()
+        there, back = np.concatenate([ends, ends[:, ::-1]]).T
+        shape = self._count, self._count
+        links = coo_array((np.ones(len(there)), (there, back)), shape=shape).tocsr()
         self._beside = links.indptr.astype(np.int64), links.indices.astype(np.int64)
         self._valence = np.diff(self._beside[0])
         mesh, _, _ = walls.apart

@@ -43,24 +43,21 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
     joint = [name for name, surface in surfaces.items() if not surface.bodies]
     shared = _share([surfaces[name] for name in joint], tolerance) if len(joint) > 1 else []
     found = dict(zip(joint, shared, strict=False))
-    return {name: found.get(name) or build_solids(surface, tolerance) for name, surface in surfaces.items()}
+    rest = {name: build_solids(surfaces[name], tolerance) for name in surfaces.keys() - found.keys()}
+    return {name: (found | rest)[name] for name in surfaces}
 
 
-def _share(surfaces: Sequence[LoftedSurface], tolerance: float) -> list[Solids | None]:
-    """Make solids of organs whose meshes are joined along their walls; None of those that are no solid."""
+def _share(surfaces: Sequence[LoftedSurface], tolerance: float) -> list[Solids]:
+    """Make solids of organs whose meshes are joined along their walls."""
     frame = surfaces[0].frame
     walls = WallComplex.welded([surface.mesh for surface in surfaces], frame)
     spline = fit_walls(walls.without_specks(float(frame.spacing.prod())), tolerance)
     cover = Cover.of(spline, frame.plane_to_world(np.zeros(2)))
-    shells, solids = cover.shells(), list[Solids | None]()
+    shells, solids = cover.shells(), list[Solids]()
     for organ, surface in enumerate(surfaces, 1):
         own = [shells[piece] for piece in cover.pieces_of(organ)]
-        try:
-            bodies = [[own[n] for n in body] for body in nest_pieces([shell.mesh for shell in own])]
-        except ValueError:  # a tiny cavity that the spline turned inside out
-            solids.append(None)
-        else:
-            solids.append(Solids.of(bodies, surface.mesh, tolerance))
+        bodies = [[own[n] for n in body] for body in nest_pieces([shell.mesh for shell in own])]
+        solids.append(Solids.of(bodies, surface.mesh, tolerance))
     return solids
 
 

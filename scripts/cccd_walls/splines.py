@@ -123,19 +123,21 @@ def _too_coarse(fit: WallFit, coarse: WallComplex, tolerance: float) -> FloatArr
 
 def _split(walls: WallComplex, tolerance: float) -> WallTarget:
     """Take walls as a target, their triangles split until they are short."""
-    import trimesh
-
     mesh, _, wall = walls.apart
-    vertices, faces, own = mesh.vertices, mesh.faces, {"wall": wall[:, None].astype(float)}
-    while len(faces) < SPLIT_TO and _mean_edge(vertices, faces) > EDGE_TOLERANCES * tolerance:
-        vertices, faces, own = trimesh.remesh.subdivide(vertices, faces, vertex_attributes=own)
-    return WallTarget.of_walls(
-        Mesh(vertices, np.asarray(faces, np.int64)), np.rint(own["wall"][:, 0]).astype(np.int64)
-    )
+    while len(mesh.faces) < SPLIT_TO and _mean_edge(mesh) > EDGE_TOLERANCES * tolerance:
+        count = len(mesh.vertices)
+        edges, side = quad_edges(mesh.faces)
+        (a, b, c), (ab, bc, ca) = mesh.faces.T, (count + side).T
+        quarters = ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))
+        vertices = np.concatenate([mesh.vertices, mesh.vertices[edges].mean(axis=1)])
+        mesh = Mesh(vertices, np.concatenate([np.column_stack(corners) for corners in quarters]))
+        wall = np.concatenate([wall, wall[edges[:, 0]]])
+    return WallTarget.of_walls(mesh, wall)
 
 
-def _mean_edge(vertices: FloatArray, faces: IntArray) -> float:
-    return float(np.linalg.norm(vertices[faces] - vertices[np.roll(faces, 1, axis=1)], axis=2).mean())
+def _mean_edge(mesh: Mesh) -> float:
+    ends = mesh.vertices[mesh.faces]
+    return float(np.linalg.norm(ends - np.roll(ends, 1, axis=1), axis=2).mean())
 
 
 @dataclass(frozen=True, eq=False)
@@ -151,7 +153,7 @@ class WallTarget(Target):
     apart: float = 0.0
 
     @classmethod
-    def of_walls(cls, mesh: Mesh, wall: FloatArray) -> WallTarget:
+    def of_walls(cls, mesh: Mesh, wall: IntArray) -> WallTarget:
         """Take a mesh whose vertices (V,) are each of one wall."""
         apart = 10 * float(np.ptp(mesh.vertices, axis=0).max())
         return cls(mesh, cKDTree(np.column_stack([mesh.vertices, apart * wall])), apart)
@@ -198,7 +200,8 @@ class WallFit(SplineFit):
 
     def _away(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
         assert isinstance(self.target, WallTarget)
-        return self.target.away(np.column_stack([samples, self.target.apart * self._wall]), normals)
+        placed = np.column_stack([samples, self.target.apart * self._wall])
+        return self.target.away(np.asarray(placed, float), normals)
 
     def _normals(self, samples: FloatArray) -> FloatArray:
         normals = Mesh(samples, self.triangles).vertex_normals.copy()
@@ -261,7 +264,8 @@ def _along_seams(coarse: WallComplex, walls: WallComplex, shares: FloatArray) ->
     number = np.full(count, -1)  # of coarse vertices
     number[candidates[cKDTree(walls.vertices[candidates]).query(coarse.vertices[kept])[1]]] = kept
     inner = number[many] < 0
-    part = connected_parts(*many[inner.all(axis=1)].T, count)
+    one, other = many[inner.all(axis=1)].T
+    part = connected_parts(one, other, count)
     # what runs between two vertices that were kept is a part; at each of its ends is an edge to one of them
     last = np.flatnonzero(inner.sum(axis=1) == 1)
     within, end = np.where(inner[last, :1], many[last], many[last, ::-1]).T
@@ -270,17 +274,7 @@ def _along_seams(coarse: WallComplex, walls: WallComplex, shares: FloatArray) ->
     keys = few @ [len(coarse.vertices), 1]
     edge_of = np.full(count, -1)
     edge_of[part[within[::2]]] = np.searchsorted(keys, end.reshape(-1, 2) @ [len(coarse.vertices), 1])
-    # shares of the length are harmonic: 0 at one end, 1 at the other
-    vertices = np.flatnonzero(np.bincount(many[inner], minlength=count))
-    place = np.full(count, -1)
-    place[vertices] = np.arange(len(vertices))
-    stiff = 1 / np.maximum(np.linalg.norm(np.diff(walls.vertices[many], axis=1)[:, 0], axis=1), SAME)
-    along = many[inner.all(axis=1)]
-    links = coo_array((stiff[inner.all(axis=1)], tuple(place[along].T)), shape=(len(vertices),) * 2).tocsr()
-    total = np.bincount(place[many[inner]], np.repeat(stiff, 2).reshape(-1, 2)[inner], len(vertices))
-    system = csr_array(diags_array(total) - links - links.T).tocsc()
-    right = np.bincount(place[within[1::2]], stiff[last[1::2]], len(vertices))
-    found = splu(system).solve(right) if len(vertices) else right
+    vertices, found = _shares_of_length(walls, many, inner, within[1::2], last[1::2])
     at = edge_of[part[vertices]] + np.clip(found, SAME, 1 - SAME)
     whole = np.arange(len(few))
     at = np.concatenate([whole, at, whole + 1 - SAME / 2])
@@ -290,3 +284,27 @@ def _along_seams(coarse: WallComplex, walls: WallComplex, shares: FloatArray) ->
     )
     wanted = whole + shares[:, None]
     return np.stack([np.interp(wanted, at[order], axis[order]) for axis in points.T], axis=-1)
+
+
+def _shares_of_length(
+    walls: WallComplex, seams: IntArray, inner: BoolArray, within: IntArray, last: IntArray
+) -> tuple[IntArray, FloatArray]:
+    """At which share (N,) of the length of its part of a seam each vertex (N,) stands.
+
+    ``inner`` (E, 2) says which ends of seams' edges (E, 2) are within parts, ``last`` (P,) are the edges at
+    which these have the share 1, and ``within`` (P,) the vertices there. Shares of the length are harmonic.
+    """
+    count, both = len(walls.vertices), inner.all(axis=1)
+    vertices = np.flatnonzero(np.bincount(seams[inner], minlength=count))
+    if not len(vertices):
+        return vertices, np.zeros(0)
+    place = np.full(count, -1)
+    place[vertices] = np.arange(len(vertices))
+    length = np.linalg.norm(walls.vertices[seams[:, 0]] - walls.vertices[seams[:, 1]], axis=1)
+    stiff = 1 / np.maximum(length, SAME)
+    rows, columns = place[seams[both]].T
+    size = len(vertices)
+    links = coo_array((stiff[both], (rows, columns)), shape=(size, size)).tocsr()
+    total = np.bincount(place[seams[inner]], np.column_stack([stiff, stiff])[inner], size)
+    right = np.bincount(place[within], stiff[last], size)
+    return vertices, splu(csr_array(diags_array(total) - links - links.T).tocsc()).solve(right)
