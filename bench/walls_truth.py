@@ -3,8 +3,8 @@
     PYTHONPATH=scripts python bench/walls_truth.py [--truth FOLDER] [BODY ...]
 
 Each body of `bench/exact_truth.py` is label 1 of a map; a small ball that touches it is label 2, so that the
-body gets walls and no spline. The ratios are those of the body with walls to the body alone, in
-``docs/measured/walls_truth.csv``.
+body gets walls and no spline. The ratios are those of the body with walls to the body alone; ``spline`` is
+the ASSD of the spline through the walls to that of their mesh. In ``docs/measured/walls_truth.csv``.
 """
 
 from __future__ import annotations
@@ -22,8 +22,11 @@ from truth_bodies import Body, sample_stack
 from truth_measures import Target, bending, compare
 
 import cccd
+from cccd_walls.solids import build_together
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "measured" / "walls_truth.csv"
+#: mm: of the splines.
+TOLERANCE = 0.2
 BODIES = ["kidney", "bronchi", "pial left"]
 
 
@@ -41,12 +44,13 @@ def measured(body: Body, ratio: float) -> dict[str, object]:
     mask, affine = sample_stack(body, ratio)
     with tempfile.NamedTemporaryFile(suffix=".nii.gz") as file:
         nibabel.Nifti1Image(with_a_neighbour(mask, ratio), affine).to_filename(file.name)
-        (with_walls, _), _ = cccd.reconstruct_labels(file.name)
+        (with_walls, other), _ = cccd.reconstruct_labels(file.name)
     truth, found = Target(body.truth), []
     for mesh in (with_walls.lofted.mesh, cccd.reconstruct(mask, affine).lofted.mesh):
         near = compare(mesh, truth)
         found.append((near["assd_mm"], near["normals_median_deg"], bending(mesh), len(mesh.faces)))
     (assd, normals, bends, count), alone = found
+    ((shell,),) = build_together({"body": with_walls.lofted, "ball": other.lofted}, TOLERANCE)["body"].bodies
     return {
         "body": body.name,
         "slices": f"{ratio:g}:1",
@@ -55,6 +59,8 @@ def measured(body: Body, ratio: float) -> dict[str, object]:
         "normals": round(normals / alone[1], 2),
         "bending": round(bends / alone[2], 2),
         "triangles": count,
+        "spline": round(compare(shell.mesh, truth)["assd_mm"] / assd, 3),
+        "control_points": len(shell.cover.vertex),
     }
 
 
