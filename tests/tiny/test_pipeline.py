@@ -150,11 +150,6 @@ def test_a_moved_row_brings_back_nothing_of_its_structure(tiny_copy):
     }  # whose rows are in its order
 
 
-def test_one_target_builds_just_that(fresh_project):
-    planned = fresh_project.planned("results/tiny/sphere/boundaries.h5")
-    assert planned == {"import_structure": 1}
-
-
 def test_every_planned_job_asks_for_memory(fresh_project):
     plan = fresh_project.snakemake("--dry-run").stdout
     assert plan.count("mem_mb=") > 12
