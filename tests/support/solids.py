@@ -15,7 +15,7 @@ def sphere(radius=10.0, centre=(0.0, 0.0, 0.0), subdivisions=4) -> Mesh:
 
 
 def egg() -> trimesh.Trimesh:
-    return trimesh.creation.icosphere(5, 20).apply_transform(np.diag([1, 0.8, 1.3, 1]))
+    return trimesh.creation.icosphere(4, 20).apply_transform(np.diag([1, 0.8, 1.3, 1]))
 
 
 def box(extents=(2.0, 3.0, 4.0)) -> Mesh:

@@ -9,6 +9,13 @@ SHAPE = (420, 420, 12)
 
 
 @pytest.fixture
+def here(tmp_path, monkeypatch):
+    """A folder in which commands are typed."""
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+@pytest.fixture
 def frame():
     return Frame(np.eye(4), 2, SHAPE)
 

@@ -3,6 +3,7 @@
 import ctypes
 import json
 import os
+import shutil
 import signal
 import subprocess
 import time
@@ -363,15 +364,21 @@ def test_two_series_in_a_folder_are_refused(here, capsys):
     assert "second" in line
 
 
-@pytest.fixture
-def image_alone(here):
-    """An image alone, as a series, a file of it, and NIfTI: a bright ball in air."""
+@pytest.fixture(scope="module")
+def written_image(tmp_path_factory):
     pytest.importorskip("pydicom")
+    folder = tmp_path_factory.mktemp("image")
     grey = np.where(ball(), 100, -900).astype(np.int16)
-    noise = np.random.default_rng(0).integers(-20, 20, grey.shape)
-    scans.write_series(here / "scan", grey + noise, AFFINE)
-    scans.write_nifti(here / "scan.nii.gz", (grey + noise).astype(np.int16), AFFINE)
-    return here
+    grey += np.random.default_rng(0).integers(-20, 20, grey.shape).astype(np.int16)
+    scans.write_series(folder / "scan", grey, AFFINE)
+    scans.write_nifti(folder / "scan.nii.gz", grey, AFFINE)
+    return folder
+
+
+@pytest.fixture
+def image_alone(here, written_image):
+    """An image alone, as a series, a file of it, and NIfTI: a bright ball in air."""
+    return shutil.copytree(written_image, here, dirs_exist_ok=True)
 
 
 @pytest.mark.parametrize("command", ["surface", "check"])

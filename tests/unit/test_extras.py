@@ -79,6 +79,12 @@ WITHOUT = {
     "zarr": {"zarr": ["cccd surface labels.ome.zarr"]},
     "boto3": {"s3": [FETCHING]},
 }
+#: Modules that one interpreter may lack together: no call above asks for two of them.
+TOGETHER = [
+    ("torch",),
+    ("monai", "highdicom"),
+    ("torch_geometric", "pydicom", "OCP", "pytetwild", "lib3mf", "pxr", "zarr", "boto3"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -117,17 +123,26 @@ def inputs(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("module", WITHOUT)
-def test_one_line_names_the_extra_of_what_was_asked_for(inputs, module):
-    named = {one: extra for extra, calls in WITHOUT[module].items() for one in calls}
-    said = fresh.python(PROGRAM, module, *named, cwd=inputs)
-    outcomes = [json.loads(line) for line in said.splitlines()]
-    assert [one for one, *_ in outcomes] == list(named)
-    for one, code, said in outcomes:
+@pytest.mark.parametrize("modules", TOGETHER, ids=",".join)
+def test_one_line_names_the_extra_of_what_was_asked_for(inputs, modules):
+    named = [
+        (one, module, extra)
+        for module in modules
+        for extra, calls in WITHOUT[module].items()
+        for one in calls
+    ]
+    said = fresh.python(PROGRAM, ",".join(modules), *(one for one, *_ in named), cwd=inputs)
+    for (asked, module, extra), line in zip(named, said.splitlines(), strict=True):
+        one, code, told = json.loads(line)
+        assert one == asked
         assert code == (1 if one.startswith("cccd ") else "InputError"), one
-        assert len(said.splitlines()) == 1, (one, said)
-        assert f"{module} is not installed" in said, (one, said)
-        assert f"[{named[one]}]" in said, (one, said)
+        assert len(told.splitlines()) == 1, (one, told)
+        assert f"{module} is not installed" in told, (one, told)
+        assert f"[{extra}]" in told, (one, told)
+
+
+def test_every_module_is_asked_for():
+    assert sorted(WITHOUT) == sorted(sum(TOGETHER, ()))
 
 
 def test_without_any_extra_masks_probabilities_and_label_maps_become_surfaces(inputs, tmp_path):

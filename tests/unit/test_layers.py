@@ -1,6 +1,7 @@
 """Imports run one way: the core loads no package around it, and no parts of a package know each other."""
 
 import ast
+import functools
 import re
 import shutil
 import subprocess
@@ -85,7 +86,10 @@ def imported(path):
     return found
 
 
-IMPORTED = {name: imported(path) for name, path in MODULES.items()}
+@functools.cache
+def all_imported():
+    """What each module imports."""
+    return {name: imported(path) for name, path in MODULES.items()}
 
 
 def part_of(name):
@@ -98,7 +102,7 @@ def test_a_package_knows_only_those_before_it(package):
     known = {package, "cccd", *(f"cccd_{name}" for name in PACKAGES[package].split())}
     wrong = {
         name: other
-        for name, others in IMPORTED.items()
+        for name, others in all_imported().items()
         for other in others
         if name.split(".")[0] == package
         and other.split(".")[0] in PACKAGES
@@ -109,7 +113,7 @@ def test_a_package_knows_only_those_before_it(package):
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_no_two_parts_of_a_package_know_each_other(package):
-    inside = {name: others for name, others in IMPORTED.items() if name.startswith(f"{package}.")}
+    inside = {name: others for name, others in all_imported().items() if name.startswith(f"{package}.")}
     graph = {part_of(name): set() for name in inside}
     for name, others in inside.items():
         known = {part_of(other) for other in others if other.startswith(f"{package}.")}
@@ -125,7 +129,9 @@ def test_the_core_names_other_packages_in_one_place():
 
 @pytest.mark.parametrize("package", ONLY)
 def test_few_modules_know_a_package(package):
-    users = {name for name, others in IMPORTED.items() if any(o.split(".")[0] == package for o in others)}
+    users = {
+        name for name, others in all_imported().items() if any(o.split(".")[0] == package for o in others)
+    }
     allowed = tuple(f"{name}." for name in ONLY[package])
     assert [name for name in users if not f"{name}.".startswith(allowed)] == []
 
@@ -133,7 +139,7 @@ def test_few_modules_know_a_package(package):
 def test_the_report_imports_no_algorithm():
     files = {"stage_files", "store", "__version__"}
     allowed = files | {"console", "containers", "geometry", "plugins", "report"}
-    for name, others in IMPORTED.items():
+    for name, others in all_imported().items():
         if name.startswith("cccd_workflow.report"):
             read = {part_of(other) for other in others if other.startswith(("cccd.", "cccd_workflow."))}
             assert read <= allowed, name

@@ -33,7 +33,7 @@ def test_an_example_whose_extra_is_missing_skips_and_is_named(tmp_path):
 
 def test_only_what_an_extra_would_bring_skips(tmp_path):
     shutil.copy(ROOT / "conftest.py", tmp_path)
-    absent, wrong, broken = "import pytetwild.mesh", "import no_such_module", "import torch.no_such_module"
+    absent, wrong, broken = "import pytetwild.mesh", "import no_such_module", "import pydicom.no_such_module"
     texts = (
         f'def f{i}():\n    """\n    >>> {line}\n    """\n' for i, line in enumerate((absent, wrong, broken))
     )

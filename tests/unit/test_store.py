@@ -137,17 +137,6 @@ def test_files_are_readable_by_others(tmp_path):
     assert (tmp_path / "x.json").stat().st_mode & 0o777 == 0o644
 
 
-@pytest.mark.parametrize(
-    "reader", [store.read_structure, stage_files.read_boundaries, stage_files.read_curves, store.read_bodies]
-)
-def test_a_truncated_file_is_named_with_a_hint(tmp_path, reader):
-    path = tmp_path / "structure.h5"
-    store.write_structure(path, Structure("c", "o", FRAME, np.zeros(3), mask=np.ones((9, 9, 9), bool)))
-    path.write_bytes(path.read_bytes()[:600])
-    with pytest.raises(InputError, match=r"structure\.h5.*delete it and run snakemake again"):
-        reader(path)
-
-
 def test_a_file_of_an_older_layout_is_named(tmp_path):
     path = tmp_path / "structure.h5"
     store.write_structure(path, Structure("c", "o", FRAME, np.zeros(3)))

@@ -105,7 +105,7 @@ def test_a_larger_share_is_a_wider_band():
 
 
 def test_slices_unlike_those_of_the_calibration_are_marked():
-    mask, affine = body((70, 70, 140), (1, 1, 40))
+    mask, affine = body((20, 20, 100), (1, 1, 40))
     surface = cccd.reconstruct(mask, affine)
     assert surface.lofted.band.extrapolated
     assert any("extrapolated" in warning for warning in surface.warnings)
@@ -170,7 +170,7 @@ def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
     assert "no slice is left to draw" in capsys.readouterr().err
 
 
-def sheet(folder, count, size=9):
+def sheet(folder, count, size=7):
     rows = []
     for number in range(count):
         name = f"ball{number}.nii.gz"
@@ -258,9 +258,9 @@ def test_readers_that_differ_by_known_lengths_give_those_lengths(tmp_path):
 def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     table, out = tmp_path / "pairs.tsv", tmp_path / "readers.json"
     affine, rows = np.eye(4), ["first\tsecond"]
-    away = np.linalg.norm(np.indices((26, 26, 26)) - 12.5, axis=0)
+    away = np.linalg.norm(np.indices((20, 20, 20)) - 9.5, axis=0)
     for number in range(10):
-        for reader, radius in (("a", 8.0), ("b", 10.0)):
+        for reader, radius in (("a", 4.5), ("b", 6.5)):
             save(tmp_path / f"{reader}{number}.nii.gz", away <= radius + number / 10, affine)
         rows.append(f"a{number}.nii.gz\tb{number}.nii.gz")
     table.write_text("\n".join(rows) + "\n")
@@ -273,7 +273,7 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
         assert main(given) == 1
         return capsys.readouterr().err
 
-    save(tmp_path / "b0.nii.gz", away <= 9, np.diag([1, 1, 2, 1.0]))
+    save(tmp_path / "b0.nii.gz", away <= 6, np.diag([1, 1, 2, 1.0]))
     assert "pairs.tsv row 2: a0.nii.gz: the two masks are not on the same grid" in refused()
     save(tmp_path / "b0.nii.gz", away < 0, affine)
     assert "pairs.tsv row 2: b0.nii.gz: the mask is empty" in refused()

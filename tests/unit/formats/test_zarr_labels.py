@@ -47,12 +47,6 @@ def write(path, data, version="0.5", axes=None, scale=SCALE, shift=SHIFT, **more
     return Path(path)
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.mark.parametrize("version", ["0.4", "0.5"])
 def test_a_surface_lies_where_the_axes_say(here, version):
     path = write(here / "map.ome.zarr", labels(), version)

@@ -19,7 +19,8 @@ from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import mask_surface, voxel_volume
-from cccd_datasets.phantoms import ORGANS, make_phantom
+from cccd_datasets.implicit_solids import sample_lattice
+from cccd_datasets.phantoms import ORGANS
 from cccd_labels.shared_walls import share_walls
 
 RADIUS, VOXEL = 24.0, 3.0
@@ -77,8 +78,11 @@ def test_the_voxels_that_were_copied_are_found(seed, ratios, faces):
 @pytest.mark.parametrize("organ", sorted(ORGANS))
 def test_an_organ_on_its_own_voxels_is_left_alone(organ):
     spacing = (1.5, 1.5, 2.25)
-    phantom = make_phantom("case1", organ, spacing, seed=1, margin_voxels=3, location="test")
-    assert find_coarser_grid(phantom.mask, np.array(spacing)) is None
+    anatomy = ORGANS[organ](np.random.default_rng(1))
+    low, size = anatomy.bbox_min - 3 * np.array(spacing), anatomy.bbox_max - anatomy.bbox_min
+    shape = np.ceil(size / spacing).astype(int) + 7
+    mask = sample_lattice(anatomy.organ, low, np.array(spacing), shape) < 0
+    assert find_coarser_grid(mask, np.array(spacing)) is None
 
 
 def test_real_masks_on_their_own_voxels_are_left_alone():

@@ -48,12 +48,6 @@ def off(vertices):
     return np.abs(level.sum(axis=1) - 1) / (2 * np.linalg.norm(vertices / RADII**2, axis=1))
 
 
-@pytest.fixture
-def here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
-
-
 @pytest.mark.parametrize("apart", [1.0, 4.0])
 def test_a_tilted_scan_gives_the_surface_of_a_straight_one(apart):
     errors = {}

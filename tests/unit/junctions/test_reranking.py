@@ -102,7 +102,7 @@ def test_shipped_weights_are_those_that_are_named():
     assert hashlib.sha256(WEIGHTS.read_bytes()).hexdigest() == WEIGHTS_SHA256
 
 
-def test_four_of_five_damaged_maps_are_read_without_a_mistake():
+def test_four_of_five_damaged_maps_are_read_without_a_mistake_and_the_wrong_ones_are_more_doubtful():
     model = load_model(SHIPPED)
     rng = np.random.default_rng(77)
     maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "double", "thick") for _ in range(25)]
@@ -113,11 +113,13 @@ def test_four_of_five_damaged_maps_are_read_without_a_mistake():
         for one in read_slices(slices[n : n + SLICES_PER_BATCH], model)
     ]
     labelled = label_slices(read, 2 * np.arange(len(read)))
-    right = [
+    right = np.array([
         score_labels(one.graph, found.inside, drawn.contours).correct
         for one, found, drawn in zip(read, labelled, maps, strict=True)
-    ]
+    ])  # fmt: skip
     assert np.mean(right) >= 0.8
+    doubts = np.array([found.uncertainty for found in labelled])
+    assert np.mean(doubts[~right][:, None] > doubts[right]) > 0.75
 
 
 def test_training_finds_what_tells_right_from_wrong_and_its_file_comes_back(tmp_path):

@@ -1,5 +1,4 @@
 from dataclasses import replace
-from itertools import compress
 
 import numpy as np
 from test_inference import FRAME, SHIPPED, boundaries, raster_order
@@ -10,15 +9,12 @@ from cccd.geometry.opencv import border_pixels
 from cccd.settings.junctions import InferenceSettings
 from cccd_junctions.alternatives import FEATURES
 from cccd_junctions.checkpoint import load_model
-from cccd_junctions.decoding import closed_chains
 from cccd_junctions.delaunay import build_graph
-from cccd_junctions.inference import predict_slices
 from cccd_junctions.labelling import label_slice
 from cccd_junctions.ordering import order_boundaries
 from cccd_junctions.reranking import shipped_reranker
 from cccd_junctions.uncertainty import CALIBRATED_WEIGHTS, chance_of_error, doubt_facts, listed_from
 from cccd_training.junctions.reranker import Example, fit_doubt
-from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
 from cccd_workflow import stage_files
 from cccd_workflow.curve_measures import doubtful_slices
@@ -77,24 +73,6 @@ def test_the_fit_finds_the_curve_that_errors_were_drawn_from():
     )
     assert np.std(true) > 0.15
     assert np.abs(fitted - true).mean() < 0.02
-
-
-def test_wrong_maps_are_more_doubtful_than_right_ones():
-    rng = np.random.default_rng(78)
-    maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "mixed", "thick") for _ in range(25)]
-    found = predict_slices(
-        [drawn.pixels for drawn in maps],
-        load_model(SHIPPED),
-        [drawn.image for drawn in maps],
-        2 * np.arange(len(maps)),
-    )
-    curves = closed_chains(found.masks, found.origin, np.arange(len(maps)), FRAME)
-    of_map = [[*compress(curves, curves.slice == n)] for n in range(len(maps))]
-    right = np.array(
-        [score_slice(chains, drawn.contours).correct for chains, drawn in zip(of_map, maps, strict=True)]
-    )
-    doubts = found.uncertainty
-    assert np.mean(doubts[~right][:, None] > doubts[right]) > 0.75
 
 
 def test_without_alternatives_nothing_is_said_of_errors():

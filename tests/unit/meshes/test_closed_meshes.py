@@ -87,8 +87,8 @@ def test_a_mesh_becomes_a_step_solid_and_comes_back(here, capsys):
 def test_a_mesh_is_filled_with_tetrahedra(here):
     pytest.importorskip("pytetwild")
     pyvista = pytest.importorskip("pyvista")
-    (here / "coarse.yaml").write_text("surface: {tetrahedra: {edge_mm: 10, tolerance_mm: 0.5}}\n")
-    ball = trimesh.creation.icosphere(3, 20)
+    (here / "coarse.yaml").write_text("surface: {tetrahedra: {edge_mm: 6, tolerance_mm: 0.4}}\n")
+    ball = trimesh.creation.icosphere(3, 7)
     ball.export("ball.stl")
     assert main(["surface", "ball.stl", "-o", "ball.vtu", "--configfile", "coarse.yaml"]) == 0
     assert pyvista.read("ball.vtu").volume == pytest.approx(ball.volume, rel=0.01)

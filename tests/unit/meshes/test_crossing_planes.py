@@ -46,19 +46,19 @@ def write_csl(path, cuts):
     path.write_text("\n".join(lines))
 
 
+@pytest.fixture(scope="module", autouse=True)
+def coarse():
+    """Half the nodes along each axis."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(crossing_planes, "NODES", 64)
+        yield
+
+
 @pytest.fixture(scope="module", params=[CUTS, SLANTED], ids=["three directions", "in any direction"])
 def through(request):
     """Cuts, their planes, and the surface through them."""
     planes = planes_of([ring for _, section in request.param for ring in section], "egg")
     return request.param, planes, surface_through(planes, "egg")
-
-
-@pytest.fixture
-def coarse(tmp_path, monkeypatch):
-    """A folder to type commands in, and half the nodes along each axis."""
-    monkeypatch.setattr(crossing_planes, "NODES", 64)
-    monkeypatch.chdir(tmp_path)
-    return tmp_path
 
 
 def test_the_surface_is_that_of_the_solid(through):
@@ -82,24 +82,24 @@ def test_on_every_plane_its_own_contours_count(through):
         assert area[0] == pytest.approx(area[1], rel=0.03)
 
 
-def test_a_csl_file_becomes_a_surface(coarse, capsys):
-    write_csl(coarse / "egg.csl", SLANTED)
+def test_a_csl_file_becomes_a_surface(here, capsys):
+    write_csl(here / "egg.csl", SLANTED)
     assert main(["surface", "egg.csl", "-o", "egg.stl"]) == 0
     assert " ml" in capsys.readouterr().out
     assert trimesh.load("egg.stl").volume == pytest.approx(egg().volume, rel=0.03)
-    write_csl(coarse / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 3)))
+    write_csl(here / "parallel.csl", cut(egg(), [(0, 0, 1)], np.arange(-25.5, 26, 3)))
     assert cccd.smooth_mesh("parallel.csl").volume == pytest.approx(egg().volume, rel=0.01)
-    (coarse / "broken.csl").write_text("CSLC\n3 2\n")
+    (here / "broken.csl").write_text("CSLC\n3 2\n")
     assert main(["surface", "broken.csl"]) == 1
     line = capsys.readouterr().err
     assert "broken.csl" in line
     assert line.count("\n") == 1
 
 
-def test_an_rtstruct_of_two_orientations_is_one_organ(coarse):
+def test_an_rtstruct_of_two_orientations_is_one_organ(here):
     drawn = cut(egg(), [(1, 0, 0), (0, 0, 1)], np.arange(-24, 25, 6.0))
     rings = [ring * (-1, -1, 1) for _, section in drawn for ring in section]
-    scans.write_structure_set(coarse / "rt.dcm", {"organ": rings})
+    scans.write_structure_set(here / "rt.dcm", {"organ": rings})
     assert main(["surface", "rt.dcm", "--label", "organ", "-o", "organ.ply"]) == 0
     assert trimesh.load("organ.ply").volume == pytest.approx(egg().volume, rel=0.03)
 

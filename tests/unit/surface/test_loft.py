@@ -260,7 +260,7 @@ def test_measures_of_a_ball(whole_ball):
     assert 2 / 20 < figures["curvature_per_area_mm"] < 1.3 * 2 / 20
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(
     hnp.arrays(float, st.tuples(st.integers(1, 5), st.just(4)), elements=st.floats(0, 1, width=32)),
     st.sampled_from([(1.0, 1.0, 1.0), (1.0, 1.0, 3.0), (0.7, 0.9, 1.5)]),

@@ -5,9 +5,8 @@ import pytest
 import trimesh
 from support.solids import mesh_of
 from support.tubes import Tube, straight, voxels
-from test_centrelines import FINE, fork
+from test_centrelines import FINE, lines_of_fork, mesh_of_fork, mesh_of_tubes
 
-import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.distance import to_mesh
@@ -20,9 +19,7 @@ from cccd_vessels.named import write_named
 
 @pytest.fixture(scope="module")
 def forked():
-    mask, affine = voxels(fork(), FINE)
-    mesh = cccd.reconstruct(mask, affine).lofted.mesh
-    return mesh, find_centrelines(mesh, 1.0)
+    return mesh_of_fork(FINE), lines_of_fork(FINE)
 
 
 @pytest.mark.parametrize("outwards", [False, True])
@@ -42,10 +39,9 @@ def test_the_wall_of_a_sphere_is_as_thick_as_asked_for(outwards):
 
 
 def test_the_wall_of_a_tube_is_as_thick_as_asked_for():
-    mask, affine = voxels([straight((0, 0, 0), (10, 6, 60), 6.0)], FINE)
-    lumen = cccd.reconstruct(mask, affine).lofted.mesh
+    lumen = mesh_of_tubes([straight((0, 0, 0), (6, 4, 36), 6.0)])
     outer, _ = hollow_wall(lumen, 1.5, True, "tube")
-    between = np.abs(outer.vertices[:, 2] - 30) < 20
+    between = np.abs(outer.vertices[:, 2] - 18) < 9
     assert to_mesh(outer.vertices[between], lumen) == pytest.approx(1.5, rel=0.03)
 
 
@@ -99,9 +95,7 @@ def test_a_wall_with_open_ends_has_rims(forked):
 
 
 def test_an_end_within_another_wall_stays_closed():
-    two = [straight((0, 0, 0), (0, 0, 60), 4.0), straight((10, 0, 0), (10, 0, 40), 4.0)]
-    mask, affine = voxels(two, FINE)
-    lumen = cccd.reconstruct(mask, affine).lofted.mesh
+    lumen = mesh_of_tubes([straight((0, 0, 0), (0, 0, 60), 4.0), straight((10, 0, 0), (10, 0, 40), 4.0)])
     found = find_centrelines(lumen, 1.0)
     outer, inner = hollow_wall(lumen, 3.0, True, "pair")
     layers = [(outer, "outer"), (inner, "inner")]
@@ -117,8 +111,7 @@ def test_an_end_within_another_wall_stays_closed():
 def test_a_tube_without_ends_is_refused():
     angle = np.linspace(0, 2 * np.pi, 1000)
     ring = Tube(18 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]), 5.0, flat=False)
-    mask, affine = voxels([ring], FINE)
-    found = find_centrelines(cccd.reconstruct(mask, affine).lofted.mesh, 1.0)
+    found = find_centrelines(mesh_of_tubes([ring]), 1.0)
     with pytest.raises(InputError, match=r"no branch has a free end.*cut the mask open"):
         find_ends(found, "ring")
 
@@ -193,7 +186,7 @@ def test_gmsh_reads_the_boundaries_of_the_tetrahedra(tmp_path):
 
 def test_the_commands_cut_and_hollow_and_refuse(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    mask, affine = voxels([straight((0, 0, 0), (10, 6, 60), 5.0)], FINE)
+    mask, affine = voxels([straight((0, 0, 0), (6, 4, 36), 5.0)], FINE)
     write_nifti(tmp_path / "duct.nii.gz", mask.astype(np.uint8), affine)
     assert main(["lumen", "duct.nii.gz", "-o", "duct.stl"]) == 0
     assert "outlet_1:" in capsys.readouterr().out

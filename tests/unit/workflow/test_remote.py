@@ -56,7 +56,6 @@ def test_what_is_refused(server, name, sha256, words, tmp_path):
     with pytest.raises(InputError) as caught:
         fetch(RemoteFile(f"{server}/{name}", sha256), tmp_path / "m")
     assert words in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_nobody_there(tmp_path):

@@ -84,7 +84,7 @@ def test_every_network_maps_a_volume_to_logits_of_its_size(name):
 
 @pytest.mark.parametrize("name", networks())
 def test_every_network_learns_a_bright_cube(name):
-    """A few steps on one volume lower the loss of every output by half."""
+    """At most fifteen steps on one volume halve the sum of the outputs' losses."""
     torch.manual_seed(1)
     model = build(name, 2, 4, networks()[name].sizes).train()
     labels = torch.zeros(1, 1, 32, 32, 32, dtype=torch.long)
@@ -95,10 +95,11 @@ def test_every_network_learns_a_bright_cube(name):
     def losses():
         return [nn.functional.cross_entropy(a, b[:, 0]) for a, b in model.outputs(volume, labels)]
 
-    first = [float(loss.detach()) for loss in losses()]
-    for _ in range(15):
+    seen = []
+    while len(seen) < 16 and not (seen and seen[-1] < 0.5 * seen[0]):
         optimiser.zero_grad()
-        sum(losses()).backward()
+        loss = sum(losses())
+        seen.append(float(loss.detach()))
+        loss.backward()
         optimiser.step()
-    last = [float(loss.detach()) for loss in losses()]
-    assert sum(last) < 0.5 * sum(first)
+    assert seen[-1] < 0.5 * seen[0]

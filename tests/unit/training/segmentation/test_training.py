@@ -28,10 +28,10 @@ SETTINGS = SegmentationSettings(
 
 
 def ball(patient, seed, affine=None):
-    """A bright ball in noise, somewhere in a scan of 36 x 34 x 33 voxels."""
+    """A bright ball in noise, somewhere in a scan of 36 x 32 x 32 voxels."""
     rng = np.random.default_rng(seed)
     centre, radius = rng.uniform(13, 20, 3), rng.uniform(6, 9)
-    points = np.stack(np.meshgrid(*map(np.arange, (36, 34, 33)), indexing="ij"), axis=-1)
+    points = np.stack(np.meshgrid(*map(np.arange, (36, 32, 32)), indexing="ij"), axis=-1)
     labels = (np.linalg.norm(points - centre, axis=-1) < radius).astype(np.uint8)
     image = 100 * labels + rng.normal(50, 20, labels.shape)
     return LabelledScan(patient, Volume(image, np.eye(4) if affine is None else affine, patient), labels)
