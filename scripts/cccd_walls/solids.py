@@ -38,13 +38,21 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
     Returns
     -------
     dict of str to Solids
-        An organ with a spline of its own has that one's patches; see `cccd_solids.build.build_solids`.
+        An organ with a spline of its own has that one's patches; see `cccd_solids.build.build_solids`. So
+        has one whose common faces would fall short of what is asked: its report has no ``common_faces``.
     """
     joint = [name for name, surface in surfaces.items() if not surface.bodies]
     shared = _share([surfaces[name] for name in joint], tolerance) if len(joint) > 1 else []
     found = dict(zip(joint, shared, strict=False))
-    rest = {name: build_solids(surfaces[name], tolerance) for name in surfaces.keys() - found.keys()}
-    return {name: (found | rest)[name] for name in surfaces}
+    return {name: better(found.get(name), surface, tolerance) for name, surface in surfaces.items()}
+
+
+def better(shared: Solids | None, surface: LoftedSurface, tolerance: float) -> Solids:
+    """Take an organ's common faces, or a spline of its own where that falls less short."""
+    if shared is not None and not shared.warnings:
+        return shared
+    alone = build_solids(surface, tolerance)
+    return alone if shared is None or len(alone.warnings) < len(shared.warnings) else shared
 
 
 def _share(surfaces: Sequence[LoftedSurface], tolerance: float) -> list[Solids]:
@@ -57,7 +65,7 @@ def _share(surfaces: Sequence[LoftedSurface], tolerance: float) -> list[Solids]:
     for organ, surface in enumerate(surfaces, 1):
         own = [shells[piece] for piece in cover.pieces_of(organ)]
         bodies = [[own[n] for n in body] for body in nest_pieces([shell.mesh for shell in own])]
-        solids.append(Solids.of(bodies, surface.mesh, tolerance))
+        solids.append(Solids.of(bodies, surface.mesh, tolerance, common_faces=True))
     return solids
 
 

@@ -14,9 +14,10 @@ from cccd.settings.surface import LoftSettings
 from cccd.surface.surface import LoftedSurface
 from cccd_labels.shared_walls import share_walls
 from cccd_labels.surface_nets import surface_nets, well_composed
+from cccd_solids.build import Solids
 from cccd_walls.collapse import collapse_walls
 from cccd_walls.complexes import CORNER, SEAM, WITHIN, Edges, WallComplex, split_fans
-from cccd_walls.solids import build_together
+from cccd_walls.solids import better, build_together
 from cccd_walls.splines import fit_walls
 
 RADIUS = 11.0
@@ -131,6 +132,7 @@ def test_solids_of_neighbours_have_the_same_faces(cut):
     surfaces = organs(cut)
     solids = build_together(surfaces, TOLERANCE)
     assert all(found.warnings == [] for found in solids.values())
+    assert all(found.report["common_faces"] for found in solids.values())
     assert all(found.report["planar_faces"] == (cut > 0) for found in solids.values())
     shapes = [make_solid([shell.build() for shell in found.bodies[0]]) for found in solids.values()]
     faces = []
@@ -145,3 +147,11 @@ def test_solids_of_neighbours_have_the_same_faces(cut):
             explorer.Next()
     for one, other in ((0, 1), (1, 2), (0, 2)):
         assert sum(face.IsSame(its) for face in faces[one] for its in faces[other]) > 1
+
+
+def test_an_organ_whose_common_faces_fall_short_has_a_spline_of_its_own():
+    surface = organs()["part1"]
+    crossing = Solids([], {}, ["the solid intersects itself in 3 places"])
+    found = better(crossing, surface, TOLERANCE)
+    assert found.warnings == []
+    assert found.bodies[0][0].mesh.volume == pytest.approx(surface.mesh.volume, rel=5e-3)
