@@ -284,7 +284,7 @@ def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int]:
     Returns them, places (V, 3) of their vertices where hardly anything passes through itself, and how many
     places of the grid are pinched.
     """
-    regions, pinched = well_composed(fields.owners(), fields.price)
+    regions, pinched = well_composed(fields.owners(), fields.price, fields.cut)
     net, nearer = surface_nets(regions, fields.cut)
     levels, spacing = np.arange(len(fields.heights)), fields.frame.pixel_spacing
     nearer, means = (

@@ -51,6 +51,11 @@ _SIDES = np.array(
     [[_EDGES.tolist().index(sorted(side)) for side in zip(f, np.roll(f, -1), strict=True)] for f in _FACES]
 )
 
+#: Pairs of a face's sides: around each of its corners, and opposite ones.
+_LINKS = np.array([(3, 0), (0, 1), (1, 2), (2, 3), (0, 2), (1, 3)])
+#: Times that ambiguous faces of two labels are decided the other way.
+MOST_FLIPS = 20
+
 
 def _mixed(labels: LabelArray) -> BoolArray:
     """Whether the corners of the cells (A - 1, B - 1, C - 1) of a grid of labels (A, B, C) differ."""
@@ -73,37 +78,25 @@ def _nodes_at(corner: IntArray, cells: BoolArray) -> tuple[slice, ...]:
     return tuple(slice(start, start + size) for start, size in zip(corner, cells.shape, strict=True))
 
 
-def _of_two(corner_labels: LabelArray) -> BoolArray:
-    """Whether the corners (C, 8) of cells have no more than two labels."""
-    low, high = corner_labels.min(axis=1), corner_labels.max(axis=1)
-    return np.asarray(np.all((corner_labels == low[:, None]) | (corner_labels == high[:, None]), axis=1))
-
-
-def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
-    """Where a label's nodes touch along an edge or in a corner only: cells (K,), and their corners (K, m)."""
+def _ambiguous(corner_labels: LabelArray) -> BoolArray:
+    """Whether cells (C, 8) may hold several sheets: a label's corners touch along an edge or in a corner only."""
     # Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell,
     # two opposite corners are alike and no other, or all but two opposite corners are.
-    found: list[tuple[IntArray, IntArray]] = []
+    found = np.zeros(len(corner_labels), np.bool_)
     for face in _FACES:
         p, q, r, s = (corner_labels[:, corner] for corner in face)
-        bad = ((p == r) & (q != p) & (s != p)) | ((q == s) & (p != q) & (r != q))
-        cells = np.flatnonzero(bad)
-        found.append((cells, np.broadcast_to(face, (len(cells), 4))))
+        found |= ((p == r) & (q != p) & (s != p)) | ((q == s) & (p != q) & (r != q))
     for one, other in _DIAGONALS:
         alike = corner_labels == corner_labels[:, one, None]
-        lonely = alike[:, other] & (alike.sum(axis=1) == 2)
         between = next(corner for corner in range(8) if corner not in (one, other))
         around = corner_labels == corner_labels[:, between, None]
-        holed = ~around[:, one] & ~around[:, other] & (around.sum(axis=1) == 6)
-        cells = np.flatnonzero(lonely | holed)
-        found.append((cells, np.broadcast_to(np.arange(8), (len(cells), 8))))
+        found |= alike[:, other] & (alike.sum(axis=1) == 2)
+        found |= ~around[:, one] & ~around[:, other] & (around.sum(axis=1) == 6)
     return found
 
 
-def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
-    """Let nodes go over to a neighbour's label until no region touches itself along an edge or corner only.
-
-    Cells of two labels are left alone: `surface_nets` parts the sheets in them.
+def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelArray, int]:
+    """Let nodes go over to a neighbour's label until no region touches itself in a vertex or edge of its net.
 
     Parameters
     ----------
@@ -111,6 +104,8 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
         Those on the grid's faces stay.
     cost : callable
         What a node would pay for a label; the cheapest node goes.
+    cut : callable
+        As for `surface_nets`.
 
     Returns
     -------
@@ -130,25 +125,16 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
     for rising in (False, True):
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
-            here = _corner_labels(labels, cells)
-            more = ~_of_two(here)
-            cells, here = cells[more], here[more]
-            pinched = [(found, which) for found, which in _pinched(here) if len(found)]
-            moves = [
-                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)
-                for found, which in pinched
-            ]
-            if not any(len(nodes) for nodes, _ in moves):
+            cells = cells[_ambiguous(_corner_labels(labels, cells))]
+            pinched = _sheets(labels, cells, cut)[1]
+            nodes, new = _cheapest(labels, cells[pinched], changed, thin, cost, rising)
+            if len(nodes) == 0:
                 break
-            nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            # no others can be pinched: cells that a changed node is a corner of, and those that were
-            around = (nodes[:, None] - _CORNERS).reshape(-1, 3)
-            cells = _once(np.concatenate([around, *(cells[found] for found, _ in pinched)]), labels.shape)
-    here = _corner_labels(labels, cells)
-    return labels, sum(len(found) for found, _ in _pinched(here[~_of_two(here)]))
+            cells = _once(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), labels.shape)
+    return labels, len(pinched)
 
 
 def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
@@ -166,26 +152,17 @@ def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
 
 
 def _cheapest(
-    corners: IntArray,
-    which: IntArray,
-    labels: LabelArray,
-    changed: BoolArray,
-    thin: BoolArray,
-    cost: NodeCost,
-    rising: bool,
+    labels: LabelArray, cells: IntArray, changed: BoolArray, thin: BoolArray, cost: NodeCost, rising: bool
 ) -> tuple[IntArray, LabelArray]:
-    """Of each pinched place (K,) the node and the label, of those there, that together cost least."""
-    # corners (K, 8, 3) and labels (K, 8) are the cells', which (K, m) the corners that pinch.
-    rows, count = np.arange(len(which))[:, None], which.shape[1]
-    nodes, old = corners[rows, which], labels[rows, which]
-    node = np.repeat(nodes, count, axis=1).reshape(-1, 3)
-    have = np.repeat(old, count, axis=1).ravel()
-    want = np.tile(old, (1, count)).ravel()
+    """Of each pinched cell (K, 3) the node and the label, of those there, that together cost least."""
+    here = _corner_labels(labels, cells)
+    node = np.repeat(cells[:, None] + _CORNERS, 8, axis=1).reshape(-1, 3)
+    have, want = np.repeat(here, 8, axis=1).ravel(), np.tile(here, (1, 8)).ravel()
     price = np.full(len(node), np.inf)
     may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
     price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin[tuple(node[may].T)]
-    price = price.reshape(len(which), -1)
-    best = price.argmin(axis=1) + np.arange(len(price)) * price.shape[1]
+    price = price.reshape(-1, 64)
+    best = price.argmin(axis=1) + np.arange(len(price)) * 64
     best = best[np.isfinite(price.ravel()[best])]
     node, want = node[best], want[best]
     once = np.unique(np.ravel_multi_index(tuple(node.T), changed.shape), return_index=True)[1]
@@ -214,7 +191,8 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
-    several, sheets = _sheets(labels, cells, cut)
+    several = np.flatnonzero(_ambiguous(_corner_labels(labels, cells)))
+    sheets = _vertices(_sheets(labels, cells[several], cut)[0], several, len(cells))
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
     quads: list[IntArray] = []
@@ -250,49 +228,75 @@ def _mean_at(quads: IntArray, values: FloatArray) -> FloatArray:
 
 
 def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:
-    """Part the sheets of surface in cells (C, 3) of two labels that may have several.
+    """Part the sheets of surface in ambiguous cells (C, 3).
 
     Returns
     -------
-    several : (S,) int64
-        Those cells.
-    vertices : (S, 12) int64
-        The vertex of the sheet that cuts each of their edges: the cell's own, or one from C on.
+    sheets : (C, 12) int64
+        The sheet that cuts each of their edges; -1 where none does.
+    pinched : (P,) int64
+        Those in which a region has two sheets that are one, or an edge that is used twice.
     """
-    here, own = _corner_labels(labels, cells), len(cells)
-    two = np.flatnonzero(_of_two(here))
-    several = two[np.unique(np.concatenate([found for found, _ in _pinched(here[two])]))]
-    cuts = here[several][:, _EDGES[:, 0]] != here[several][:, _EDGES[:, 1]]
-    number = cuts[:, _SIDES].sum(axis=2)
-    cell, face = np.nonzero(number == 2)
-    two_sides = cuts[cell[:, None], _SIDES[face]]
-    ends = [two_sides.argmax(axis=1), 3 - two_sides[:, ::-1].argmax(axis=1)]
-    plain = np.column_stack([12 * cell + _SIDES[face, side] for side in ends])
-    cell, face = np.nonzero(number == 4)
-    joined, same = _joined_across(labels, cells[several[cell]], face, cut)
-    sides = 12 * cell[:, None] + _SIDES[face]
-    while True:
-        strips = np.where(joined[same, None], sides, np.roll(sides, 1, axis=1))
-        sheet = connected_parts(*np.concatenate([plain, strips.reshape(-1, 2)]).T, cuts.size)
+    here = _corner_labels(labels, cells)
+    ends = here[:, _EDGES]
+    cuts = ends[..., 0] != ends[..., 1]
+    cut_sides, around = cuts[:, _SIDES], here[:, _FACES]
+    four = cut_sides.all(axis=2)
+    alike = (around[..., :2] == around[..., 2:]) & four[..., None]  # the first and third, second and fourth
+    cell, face = np.nonzero(alike.any(axis=2))
+    first, same, either = _joined_across(labels, cells[cell], face, cut)
+    for _ in range(MOST_FLIPS):
+        joined = np.zeros_like(alike)
+        joined[cell, face] = np.where(
+            either[same, None], np.column_stack([first, ~first])[same], alike[cell, face]
+        )
+        both = cut_sides[..., _LINKS[:, 0]] & cut_sides[..., _LINKS[:, 1]]
+        both[..., :4] &= ~joined[..., [0, 1, 0, 1]]
+        both[..., 4:] &= ~four[..., None]
+        at, on, link = np.nonzero(both)
+        one, other = 12 * at + _SIDES[on, _LINKS[link, 0]], 12 * at + _SIDES[on, _LINKS[link, 1]]
+        sheets = connected_parts(one, other, cuts.size)
         # two strips between the same two vertices would share an edge
-        twice = np.bincount(same, sheet[strips[:, 0]] == sheet[strips[:, 2]], len(joined)) == 2
-        if not twice.any():
+        sides = 12 * cell[:, None] + _SIDES[face]
+        strips = np.where(joined[cell, face, :1], sides, np.roll(sides, 1, axis=1))
+        twice = np.bincount(same, sheets[strips[:, 0]] == sheets[strips[:, 2]], len(first)) == 2
+        if not (twice & either).any():
             break
-        joined ^= twice
-    sheet = sheet.reshape(cuts.shape)
+        first ^= twice & either
+    flat = ends.reshape(-1, 2)
+    pairs = [
+        np.column_stack([2 * one + m, 2 * other + n])[flat[one, m] == flat[other, n]]
+        for m in (0, 1)
+        for n in (0, 1)
+    ]
+    rims = connected_parts(*np.concatenate(pairs).T, 2 * cuts.size).reshape(-1, 2)
+    edge = np.flatnonzero(cuts)
+    key = (sheets[edge, None] * (int(labels.max()) + 1) + flat[edge]).ravel()
+    _, begin, which = np.unique(key, return_index=True, return_inverse=True)
+    rim = rims[edge].ravel()
+    pinched = np.zeros(len(cells), np.bool_)
+    pinched[np.repeat(edge // 12, 2)[rim != rim[begin[which]]]] = True
+    pinched[cell[twice[same]]] = True
+    return np.where(cuts, sheets.reshape(cuts.shape), -1), np.flatnonzero(pinched)
+
+
+def _vertices(sheets: IntArray, several: IntArray, own: int) -> IntArray:
+    """Number the vertices (S, 12) of sheets (S, 12): the cell's own for its first one, others from ``own`` on."""
+    cuts = sheets >= 0
     vertices = np.repeat(several[:, None], 12, axis=1)
-    other = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
-    vertices[other] = own + np.unique(sheet[other], return_inverse=True)[1]
-    return several, vertices
+    other = cuts & (sheets != sheets[np.arange(len(sheets)), cuts.argmax(axis=1), None])
+    vertices[other] = own + np.unique(sheets[other], return_inverse=True)[1]
+    return vertices
 
 
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
-) -> tuple[BoolArray, IntArray]:
+) -> tuple[BoolArray, IntArray, BoolArray]:
     """Whether the first corner's label is joined across faces with both labels at opposite corners.
 
     Each face of cells (K, 3) is two cells'; decided once, by the value where the distance between the labels,
-    linear along the face's edges, has its saddle. Returns that (F,), and which of these each (K,) is.
+    linear along the face's edges, has its saddle. Returns that (F,), which of these each (K,) is, and whether
+    the faces (F,) have no third label.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
@@ -300,7 +304,8 @@ def _joined_across(
     corners = corners[once].transpose(1, 0, 2)
     at = [labels[tuple(nodes.T)] for nodes in corners]
     first, last = (cut(corners[i], corners[j], at[i], at[j]) for i, j in ((0, 1), (3, 2)))
-    return np.where(first == last, at[0] > at[1], first > last), same
+    either = (at[0] == at[2]) & (at[1] == at[3])
+    return np.where(first == last, at[0] > at[1], first > last), same, either
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:

@@ -270,13 +270,14 @@ def test_regions_of_noise_are_closed_manifolds_and_two_labels_stay_as_they_are(s
     random = np.random.default_rng(seed)
     labels = np.zeros((8, 8, 8), np.int32)
     labels[1:-1, 1:-1, 1:-1] = random.integers(1, count, (6,) * 3) * (random.random((6,) * 3) < share)
-    composed, pinched = well_composed(labels, lambda nodes, labels: labels.astype(float))
     deep = random.uniform(0.05, 1, labels.shape)
 
-    def cut(nodes, ends, low, high):
+    def uneven(nodes, ends, low, high):
         return deep[tuple(nodes.T)] / (deep[tuple(nodes.T)] + deep[tuple(ends.T)])
 
-    net, _ = surface_nets(composed, half if even else cut)
+    cut = half if even else uneven
+    composed, pinched = well_composed(labels, lambda nodes, labels: labels.astype(float), cut)
+    net, _ = surface_nets(composed, cut)
     assert all(net.mesh_of(label).is_closed_manifold for label in net.labels)
     assert pinched == 0
     assert count > 2 or np.array_equal(labels, composed)
@@ -337,7 +338,7 @@ def test_a_plane_needs_least_and_lines_keep_their_vertices(halves):
 def test_where_a_wall_would_tear_only_what_is_beside_keeps_more():
     place = np.indices((49,) * 3) - 24.2
     bars = (place[:2] % 10 < 3).any(axis=0) & (place[2] % 10 < 3) & (np.linalg.norm(place, axis=0) < 21)
-    labels = well_composed(bars.astype(np.int32), lambda nodes, labels: labels.astype(float))[0]
+    labels = well_composed(bars.astype(np.int32), lambda nodes, labels: labels.astype(float), half)[0]
     net, _ = surface_nets(labels, half)
     fewer = simplified(net, 0.1)
     assert len(fewer.triangles) < 0.2 * len(net.triangles)
