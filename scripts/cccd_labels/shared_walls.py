@@ -252,12 +252,12 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     """
     frame = fields.frame
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    rough, means, pinched = _rough(fields)
+    rough, means, quads, pinched = _rough(fields)
     at_end = _at_end(rough, fields)
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, NET_WAVE * wave, ROUNDS), at_end, pixel)
     moved = smooth - means
-    walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
+    walls = _of_organs(split_again(replace(rough, vertices=smooth), quads), fields.beyond)
     del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
@@ -278,20 +278,20 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
-def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int]:
+def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int, int]:
     """Mesh the walls with the grid's ripples, in the plane's mm and height.
 
-    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, and how many
-    places of the grid are pinched.
+    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, how many
+    quadrilaterals come first, and how many places of the grid are pinched.
     """
     regions, pinched = well_composed(fields.owners(), fields.price, fields.cut)
-    net, nearer = surface_nets(regions, fields.cut)
+    net, nearer, quads = surface_nets(regions, fields.cut)
     levels, spacing = np.arange(len(fields.heights)), fields.frame.pixel_spacing
     nearer, means = (
         np.column_stack([nodes[:, 1:] * spacing, np.interp(nodes[:, 0], levels, fields.heights)])
         for nodes in (nearer, net.vertices)
     )
-    return replace(net, vertices=nearer), means, pinched
+    return replace(net, vertices=nearer), means, quads, pinched
 
 
 def _at_end(rough: ConformingSurface, fields: LabelFields) -> FloatArray:

@@ -13,6 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -53,8 +54,6 @@ _SIDES = np.array(
 
 #: Pairs of a face's sides: around each of its corners, and opposite ones.
 _LINKS = np.array([(3, 0), (0, 1), (1, 2), (2, 3), (0, 2), (1, 3)])
-#: Times that ambiguous faces of two labels are decided the other way.
-MOST_FLIPS = 20
 
 
 def _mixed(labels: LabelArray) -> BoolArray:
@@ -126,7 +125,7 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
             cells = cells[_ambiguous(_corner_labels(labels, cells))]
-            pinched = _sheets(labels, cells, cut)[1]
+            pinched = _sheets(labels, cells, cut).pinched
             nodes, new = _cheapest(labels, cells[pinched], changed, thin, cost, rising)
             if len(nodes) == 0:
                 break
@@ -169,7 +168,7 @@ def _cheapest(
     return node[once], want[once]
 
 
-def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray]:
+def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray, int]:
     """Mesh the surfaces between the regions of a grid, in nodes.
 
     Parameters
@@ -183,16 +182,18 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     -------
     ConformingSurface
         Every vertex is the mean of the cuts of its cell's edges, or of those of one sheet of surface in the
-        cell. Normals leave the larger label.
+        cell. Normals leave the larger label. Triangles that are not halves of a quadrilateral come last.
     (V, 3) float64
         Means lie within what is bent: vertices nearer to it, moved as far as the middles of their
         quadrilaterals are off the cuts.
+    int
+        The number of quadrilaterals.
     """
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
     several = np.flatnonzero(_ambiguous(_corner_labels(labels, cells)))
-    sheets = _vertices(_sheets(labels, cells[several], cut)[0], several, len(cells))
+    sheets = _sheets(labels, cells[several], cut)
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
     quads: list[IntArray] = []
@@ -206,37 +207,62 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         point[:, axis] += cut(nodes, ends, low, high)
         second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
-        quad = np.empty((len(nodes), 4), np.int64)
+        quad = np.full((len(nodes), 8), -1)
         for corner, (cell, edge) in enumerate(around):
             at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
-            parted = row[at] >= 0
-            at[parted] = sheets[row[at[parted]], 4 * axis + edge]
-            quad[:, corner] = at
+            parted = np.flatnonzero(row[at] >= 0)
+            here, edge = row[at[parted]], 4 * axis + edge
+            other = sheets.number[here, edge] > 0
+            at[parted[other]] = len(cells) + sheets.number[here[other], edge] - 1
+            quad[:, 2 * corner] = at
+            if corner % 2:  # between this cell and the one before it, and the next one
+                for side in (0, 1):
+                    quad[parted, (2 * corner - 1 + 2 * side) % 8] = sheets.middle[here, edge, side]
+        middle = quad[:, 1::2]
+        middle[middle >= 0] += len(cells) + sheets.count
         cuts.append(point)
         quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    quad, sides, point = np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts)
-    vertices = _mean_at(quad, point)
-    nearer = vertices + _mean_at(quad, point - vertices[quad].mean(axis=1))
-    return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0)), nearer
+    return _meshed(np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts))
 
 
-def _mean_at(quads: IntArray, values: FloatArray) -> FloatArray:
-    """Mean (V, 3) at each vertex of the values (Q, 3) of the quadrilaterals (Q, 4) there."""
-    at, count = quads.ravel(), np.bincount(quads.ravel())
-    return np.column_stack([np.bincount(at, np.repeat(along, 4)) / count for along in values.T])
+def _meshed(rims: IntArray, regions: IntArray, cuts: FloatArray) -> tuple[ConformingSurface, FloatArray, int]:
+    """Split polygons with up to eight vertices (P, 8), -1 between them; the cut is the middle of large ones."""
+    large = (rims >= 0).sum(axis=1) > 4
+    quad = rims[~large][rims[~large] >= 0].reshape(-1, 4)
+    middle = rims.max() + 1 + np.arange(np.count_nonzero(large))
+    rim = rims[large]
+    rim = np.where(rim >= 0, rim, np.roll(rim, -1, axis=1))
+    fan = np.stack([rim, np.roll(rim, -1, axis=1), np.broadcast_to(middle[:, None], rim.shape)], axis=2)
+    used = fan[..., 0] != fan[..., 1]
+    at = np.column_stack([*np.nonzero(rims >= 0), rims[rims >= 0]])  # polygon, place, vertex
+    at = np.concatenate([at[:, [0, 2]], np.column_stack([np.flatnonzero(large), middle])])
+    vertices = _mean_at(at, cuts)
+    total = np.bincount(at[:, 0])
+    middles = np.column_stack([np.bincount(at[:, 0], along) / total for along in vertices[at[:, 1]].T])
+    triangles = np.concatenate([split_quads(vertices, quad), fan[used]])
+    beside = np.concatenate([np.repeat(regions[~large], 2, axis=0), np.repeat(regions[large], used.sum(axis=1), axis=0)])
+    nearer = vertices + _mean_at(at, cuts - middles)
+    return ConformingSurface(vertices, triangles, beside), nearer, len(quad)
 
 
-def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:
-    """Part the sheets of surface in ambiguous cells (C, 3).
+def _mean_at(at: IntArray, values: FloatArray) -> FloatArray:
+    """Mean (V, 3) at each vertex of the values (P, 3) of the polygons there: pairs (N, 2) of both."""
+    count = np.bincount(at[:, 1])
+    return np.column_stack([np.bincount(at[:, 1], along) / count for along in values[at[:, 0]].T])
 
-    Returns
-    -------
-    sheets : (C, 12) int64
-        The sheet that cuts each of their edges; -1 where none does.
-    pinched : (P,) int64
-        Those in which a region has two sheets that are one, or an edge that is used twice.
-    """
+
+class _Sheets(NamedTuple):
+    """The sheets of surface in cells (C,)."""
+
+    number: IntArray  # (C, 12) of the sheet that cuts each edge: 0 for the first of the cell, others from 1 on
+    count: int  # of the others
+    middle: IntArray  # (C, 12, 2) of the vertex between cells, across the faces around each edge; or -1
+    pinched: IntArray  # (P,) cells in which a region touches itself in a vertex
+
+
+def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
+    """Part the sheets of surface in ambiguous cells (C, 3)."""
     here = _corner_labels(labels, cells)
     ends = here[:, _EDGES]
     cuts = ends[..., 0] != ends[..., 1]
@@ -244,25 +270,32 @@ def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, In
     four = cut_sides.all(axis=2)
     alike = (around[..., :2] == around[..., 2:]) & four[..., None]  # the first and third, second and fourth
     cell, face = np.nonzero(alike.any(axis=2))
-    first, same, either = _joined_across(labels, cells[cell], face, cut)
-    for _ in range(MOST_FLIPS):
-        joined = np.zeros_like(alike)
-        joined[cell, face] = np.where(
-            either[same, None], np.column_stack([first, ~first])[same], alike[cell, face]
-        )
-        both = cut_sides[..., _LINKS[:, 0]] & cut_sides[..., _LINKS[:, 1]]
-        both[..., :4] &= ~joined[..., [0, 1, 0, 1]]
-        both[..., 4:] &= ~four[..., None]
-        at, on, link = np.nonzero(both)
-        one, other = 12 * at + _SIDES[on, _LINKS[link, 0]], 12 * at + _SIDES[on, _LINKS[link, 1]]
-        sheets = connected_parts(one, other, cuts.size)
-        # two strips between the same two vertices would share an edge
-        sides = 12 * cell[:, None] + _SIDES[face]
-        strips = np.where(joined[cell, face, :1], sides, np.roll(sides, 1, axis=1))
-        twice = np.bincount(same, sheets[strips[:, 0]] == sheets[strips[:, 2]], len(first)) == 2
-        if not (twice & either).any():
-            break
-        first ^= twice & either
+    first, same = _joined_across(labels, cells[cell], face, cut)
+    alike[cell, face] = np.column_stack([first, ~first])[same]
+    both = cut_sides[..., _LINKS[:, 0]] & cut_sides[..., _LINKS[:, 1]]
+    both[..., :4] &= ~alike[..., [0, 1, 0, 1]]
+    both[..., 4:] &= ~four[..., None]
+    at, on, link = np.nonzero(both)
+    one, other = 12 * at + _SIDES[on, _LINKS[link, 0]], 12 * at + _SIDES[on, _LINKS[link, 1]]
+    sheets = connected_parts(one, other, cuts.size).reshape(cuts.shape)
+    # two strips between the same two vertices would share an edge
+    sides = np.where(first[same, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
+    twice = np.bincount(same, sheets[cell, sides[:, 0]] == sheets[cell, sides[:, 2]], len(first)) == 2
+    middle = np.full((*cuts.shape, 2), -1)
+    for side in range(4):
+        edge = sides[:, side]
+        which = (np.cumsum(twice) - 1)[same] * 2 + side // 2
+        middle[cell, edge, (face // 2 - edge // 4 - 1) % 3] = np.where(twice[same], which, -1)
+    pinched = _pinched(ends, cuts, sheets, one, other)
+    number = np.zeros_like(sheets)
+    others = cuts & (sheets != sheets[np.arange(len(sheets)), cuts.argmax(axis=1), None])
+    found, number[others] = np.unique(sheets[others], return_inverse=True)
+    number[others] += 1
+    return _Sheets(number, len(found), middle, pinched)
+
+
+def _pinched(ends: LabelArray, cuts: BoolArray, sheets: IntArray, one: IntArray, other: IntArray) -> IntArray:
+    """Cells in which a region has two rims in one sheet; edges ``one`` and ``other`` (N,) meet in a face."""
     flat = ends.reshape(-1, 2)
     pairs = [
         np.column_stack([2 * one + m, 2 * other + n])[flat[one, m] == flat[other, n]]
@@ -271,32 +304,20 @@ def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, In
     ]
     rims = connected_parts(*np.concatenate(pairs).T, 2 * cuts.size).reshape(-1, 2)
     edge = np.flatnonzero(cuts)
-    key = (sheets[edge, None] * (int(labels.max()) + 1) + flat[edge]).ravel()
+    key = (sheets.ravel()[edge, None] * (int(flat.max(initial=0)) + 1) + flat[edge]).ravel()
     _, begin, which = np.unique(key, return_index=True, return_inverse=True)
     rim = rims[edge].ravel()
-    pinched = np.zeros(len(cells), np.bool_)
-    pinched[np.repeat(edge // 12, 2)[rim != rim[begin[which]]]] = True
-    pinched[cell[twice[same]]] = True
-    return np.where(cuts, sheets.reshape(cuts.shape), -1), np.flatnonzero(pinched)
-
-
-def _vertices(sheets: IntArray, several: IntArray, own: int) -> IntArray:
-    """Number the vertices (S, 12) of sheets (S, 12): the cell's own for its first one, others from ``own`` on."""
-    cuts = sheets >= 0
-    vertices = np.repeat(several[:, None], 12, axis=1)
-    other = cuts & (sheets != sheets[np.arange(len(sheets)), cuts.argmax(axis=1), None])
-    vertices[other] = own + np.unique(sheets[other], return_inverse=True)[1]
-    return vertices
+    return np.unique(np.repeat(edge // 12, 2)[rim != rim[begin[which]]])
 
 
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
-) -> tuple[BoolArray, IntArray, BoolArray]:
-    """Whether the first corner's label is joined across faces with both labels at opposite corners.
+) -> tuple[BoolArray, IntArray]:
+    """Whether the first corner's label is joined across faces with one label at opposite corners.
 
-    Each face of cells (K, 3) is two cells'; decided once, by the value where the distance between the labels,
-    linear along the face's edges, has its saddle. Returns that (F,), which of these each (K,) is, and whether
-    the faces (F,) have no third label.
+    Each face of cells (K, 3) is two cells'; decided once. Of two labels on both diagonals the value decides
+    where the distance between them, linear along the face's edges, has its saddle; the outside never is.
+    Returns that (F,), and which of these each (K,) is.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
@@ -304,8 +325,8 @@ def _joined_across(
     corners = corners[once].transpose(1, 0, 2)
     at = [labels[tuple(nodes.T)] for nodes in corners]
     first, last = (cut(corners[i], corners[j], at[i], at[j]) for i, j in ((0, 1), (3, 2)))
-    either = (at[0] == at[2]) & (at[1] == at[3])
-    return np.where(first == last, at[0] > at[1], first > last), same, either
+    joined = np.where((first == last) | (at[0] == 0) | (at[1] == 0), at[0] > at[1], first > last)
+    return np.where(at[1] != at[3], True, np.where(at[0] != at[2], False, joined)), same
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
@@ -314,7 +335,7 @@ def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
     return _halves(quads, np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1))
 
 
-def split_again(surface: ConformingSurface) -> ConformingSurface:
+def split_again(surface: ConformingSurface, quads: int) -> ConformingSurface:
     """Split the quadrilaterals of `surface_nets` along the diagonals at which their triangles turn less.
 
     Smoothing straightens lines between walls: where three corners lie on one, the diagonal that was the
@@ -324,18 +345,19 @@ def split_again(surface: ConformingSurface) -> ConformingSurface:
     ----------
     surface : ConformingSurface
         With the triangles of `surface_nets`, in their order.
+    quads : int
+        The number of quadrilaterals, as it returned it.
     """
-    pairs = surface.triangles.reshape(-1, 2, 3)
+    pairs = surface.triangles[: 2 * quads].reshape(-1, 2, 3)
     at_first = pairs[:, 0, 2] == pairs[:, 1, 1]  # split from the first corner, as in `_halves`
-    quads = np.where(
+    rims = np.where(
         at_first[:, None],
         np.column_stack([pairs[:, 0], pairs[:, 1, 2]]),
         np.column_stack([pairs[:, 0, 0], pairs[:, 1]]),
     )
-    slabs = np.array_split(quads, len(quads) // SLAB_QUADS + 1)
-    return replace(
-        surface, triangles=np.concatenate([_turned_less(surface.vertices, slab) for slab in slabs])
-    )
+    slabs = np.array_split(rims, quads // SLAB_QUADS + 1)
+    turned = [_turned_less(surface.vertices, slab) for slab in slabs]
+    return replace(surface, triangles=np.concatenate([*turned, surface.triangles[2 * quads :]]))
 
 
 def _turned_less(vertices: FloatArray, quads: IntArray) -> IntArray:

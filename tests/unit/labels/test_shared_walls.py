@@ -277,7 +277,7 @@ def test_regions_of_noise_are_closed_manifolds_and_two_labels_stay_as_they_are(s
 
     cut = half if even else uneven
     composed, pinched = well_composed(labels, lambda nodes, labels: labels.astype(float), cut)
-    net, _ = surface_nets(composed, cut)
+    net = surface_nets(composed, cut)[0]
     assert all(net.mesh_of(label).is_closed_manifold for label in net.labels)
     assert pinched == 0
     assert count > 2 or np.array_equal(labels, composed)
@@ -290,7 +290,7 @@ def test_vertices_of_a_ball_lie_on_it_on_the_mean():
         here, there = (np.abs(np.linalg.norm(at - 11.6, axis=1) - 4) for at in (nodes, ends))
         return here / (here + there)
 
-    net, nearer = surface_nets((np.linalg.norm(place, axis=0) < 4).astype(np.int32), cut)
+    net, nearer, _ = surface_nets((np.linalg.norm(place, axis=0) < 4).astype(np.int32), cut)
     volumes = [
         Mesh(vertices, net.triangles).volume / (4 / 3 * np.pi * 4**3) for vertices in (net.vertices, nearer)
     ]
@@ -304,7 +304,7 @@ def halves():
     place = np.indices((49, 49, 49)) - centre.reshape(3, 1, 1, 1)
     radius = np.linalg.norm(place, axis=0)
     labels = np.where(radius < 20, np.where(place[0] < 0, 1, 2), 0).astype(np.int32)
-    net, _ = surface_nets(labels, half)
+    net = surface_nets(labels, half)[0]
     outward = net.vertices - centre
     within = net.regions.min(axis=1) > 0
     outward[np.unique(net.triangles[within]), 0] = 0
@@ -339,7 +339,7 @@ def test_where_a_wall_would_tear_only_what_is_beside_keeps_more():
     place = np.indices((49,) * 3) - 24.2
     bars = (place[:2] % 10 < 3).any(axis=0) & (place[2] % 10 < 3) & (np.linalg.norm(place, axis=0) < 21)
     labels = well_composed(bars.astype(np.int32), lambda nodes, labels: labels.astype(float), half)[0]
-    net, _ = surface_nets(labels, half)
+    net = surface_nets(labels, half)[0]
     fewer = simplified(net, 0.1)
     assert len(fewer.triangles) < 0.2 * len(net.triangles)
     assert fewer.mesh_of(1).is_closed_manifold
