@@ -196,9 +196,8 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     sheets = _sheets(labels, cells[several], cut)
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
-    quads: list[IntArray] = []
-    cuts: list[FloatArray] = []
-    regions: list[IntArray] = []
+    quads, cuts, regions, extra = list[IntArray](), list[FloatArray](), list[IntArray](), list[IntArray]()
+    count = 0
     for axis in range(3):
         nodes = np.argwhere(np.diff(labels, axis=axis) != 0)
         ends = nodes + np.eye(3, dtype=np.int64)[axis]
@@ -207,126 +206,132 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         point[:, axis] += cut(nodes, ends, low, high)
         second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
-        quad = np.full((len(nodes), 8), -1)
+        quad, rising = np.empty((len(nodes), 4), np.int64), low < high
         for corner, (cell, edge) in enumerate(around):
             at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
             parted = np.flatnonzero(row[at] >= 0)
             here, edge = row[at[parted]], 4 * axis + edge
-            other = sheets.number[here, edge] > 0
-            at[parted[other]] = len(cells) + sheets.number[here[other], edge] - 1
-            quad[:, 2 * corner] = at
-            if corner % 2:  # between this cell and the one before it, and the next one
-                for side in (0, 1):
-                    quad[parted, (2 * corner - 1 + 2 * side) % 8] = sheets.middle[here, edge, side]
-        middle = quad[:, 1::2]
-        middle[middle >= 0] += len(cells) + sheets.count
+            at[parted] = np.where(sheets.other[here, edge] < 0, at[parted], len(cells) + sheets.other[here, edge])
+            quad[:, corner] = at
+            for side in (corner - 1, corner) if corner % 2 else ():  # from the cell before, to the next
+                middle = sheets.middle[here, edge, side - corner + 1]
+                which, middle = parted[middle >= 0], middle[middle >= 0]
+                place = np.where(rising[which], (2 - side) % 4, side)
+                extra.append(np.column_stack([count + which, place, len(cells) + middle]))
+        count += len(nodes)
         cuts.append(point)
-        quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
+        quads.append(np.where(rising[:, None], quad[:, ::-1], quad))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    return _meshed(np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts))
+    return _meshed(*(np.concatenate(part) for part in (quads, extra, regions, cuts)))
 
 
-def _meshed(rims: IntArray, regions: IntArray, cuts: FloatArray) -> tuple[ConformingSurface, FloatArray, int]:
-    """Split polygons with up to eight vertices (P, 8), -1 between them; the cut is the middle of large ones."""
-    large = (rims >= 0).sum(axis=1) > 4
-    quad = rims[~large][rims[~large] >= 0].reshape(-1, 4)
-    middle = rims.max() + 1 + np.arange(np.count_nonzero(large))
-    rim = rims[large]
-    rim = np.where(rim >= 0, rim, np.roll(rim, -1, axis=1))
-    fan = np.stack([rim, np.roll(rim, -1, axis=1), np.broadcast_to(middle[:, None], rim.shape)], axis=2)
-    used = fan[..., 0] != fan[..., 1]
-    at = np.column_stack([*np.nonzero(rims >= 0), rims[rims >= 0]])  # polygon, place, vertex
-    at = np.concatenate([at[:, [0, 2]], np.column_stack([np.flatnonzero(large), middle])])
-    vertices = _mean_at(at, cuts)
-    total = np.bincount(at[:, 0])
-    middles = np.column_stack([np.bincount(at[:, 0], along) / total for along in vertices[at[:, 1]].T])
-    triangles = np.concatenate([split_quads(vertices, quad), fan[used]])
-    beside = np.concatenate([np.repeat(regions[~large], 2, axis=0), np.repeat(regions[large], used.sum(axis=1), axis=0)])
-    nearer = vertices + _mean_at(at, cuts - middles)
-    return ConformingSurface(vertices, triangles, beside), nearer, len(quad)
+def _meshed(
+    quads: IntArray, extra: IntArray, regions: IntArray, cuts: FloatArray
+) -> tuple[ConformingSurface, FloatArray, int]:
+    """Split quadrilaterals (Q, 4) in two; ``extra`` (E, 3) has more vertices: of which, after which corner.
+
+    Those that have some become fans around their cuts (Q, 3). Returns what `surface_nets` does.
+    """
+    large, which = np.unique(extra[:, 0], return_inverse=True)
+    middle = max(quads.max(initial=-1), extra[:, 2].max(initial=-1)) + 1 + np.arange(len(large))
+    polygon = np.concatenate([np.repeat(np.arange(len(quads)), 4), extra[:, 0], large])
+    vertex = np.concatenate([quads.ravel(), extra[:, 2], middle])
+    vertices = _mean_at(polygon, vertex, cuts)
+    nearer = vertices + _mean_at(polygon, vertex, cuts - vertices[quads].mean(axis=1))
+    rim = np.repeat(quads[large], 2, axis=1)
+    rim[which, 2 * extra[:, 1] + 1] = extra[:, 2]
+    fan = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(middle[:, None], 8, axis=1)], axis=2)
+    real = fan[..., 0] != fan[..., 1]
+    plain = np.delete(np.arange(len(quads)), large)
+    beside = np.concatenate([np.repeat(plain, 2), np.repeat(large, real.sum(axis=1))])
+    triangles = np.concatenate([split_quads(vertices, quads[plain]), fan[real]])
+    return ConformingSurface(vertices, triangles, regions[beside]), nearer, len(plain)
 
 
-def _mean_at(at: IntArray, values: FloatArray) -> FloatArray:
-    """Mean (V, 3) at each vertex of the values (P, 3) of the polygons there: pairs (N, 2) of both."""
-    count = np.bincount(at[:, 1])
-    return np.column_stack([np.bincount(at[:, 1], along) / count for along in values[at[:, 0]].T])
+def _mean_at(polygon: IntArray, vertex: IntArray, values: FloatArray) -> FloatArray:
+    """Mean (V, 3) at each vertex (N,) of the values (P, 3) of the polygons (N,) there."""
+    count = np.bincount(vertex)
+    return np.column_stack([np.bincount(vertex, along[polygon]) / count for along in values.T])
 
 
 class _Sheets(NamedTuple):
     """The sheets of surface in cells (C,)."""
 
-    number: IntArray  # (C, 12) of the sheet that cuts each edge: 0 for the first of the cell, others from 1 on
-    count: int  # of the others
-    middle: IntArray  # (C, 12, 2) of the vertex between cells, across the faces around each edge; or -1
+    other: IntArray  # (C, 12) numbers of the sheets that cut the cells' edges; -1 for the first of each cell
+    middle: IntArray  # (C, 12, 2) numbers of the vertices across the two faces at each edge, after them; or -1
     pinched: IntArray  # (P,) cells in which a region touches itself in a vertex
 
 
 def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
-    """Part the sheets of surface in ambiguous cells (C, 3)."""
+    """Part the sheets of surface in ambiguous cells (C, 3).
+
+    Cuts of a cell's edges are of one sheet where walls join them in its faces. Where a label is at opposite
+    corners alone of a face, `_joined_across` it, two strips of wall pass; between the same two sheets they
+    would share an edge, so each has a vertex more. The outside may touch itself there.
+    """
     here = _corner_labels(labels, cells)
-    ends = here[:, _EDGES]
+    ends, around = here[:, _EDGES], here[:, _FACES]
     cuts = ends[..., 0] != ends[..., 1]
-    cut_sides, around = cuts[:, _SIDES], here[:, _FACES]
-    four = cut_sides.all(axis=2)
-    alike = (around[..., :2] == around[..., 2:]) & four[..., None]  # the first and third, second and fourth
-    cell, face = np.nonzero(alike.any(axis=2))
+    sides = cuts[:, _SIDES]
+    four = sides.all(axis=2)
+    across = (around[..., :2] == around[..., 2:]) & four[..., None]  # first and third, second and fourth
+    cell, face = np.nonzero(across.any(axis=2))
     first, same = _joined_across(labels, cells[cell], face, cut)
-    alike[cell, face] = np.column_stack([first, ~first])[same]
-    both = cut_sides[..., _LINKS[:, 0]] & cut_sides[..., _LINKS[:, 1]]
-    both[..., :4] &= ~alike[..., [0, 1, 0, 1]]
+    across[cell, face] = np.column_stack([first, ~first])
+    both = sides[..., _LINKS[:, 0]] & sides[..., _LINKS[:, 1]]
+    both[..., :4] &= ~across[..., [0, 1, 0, 1]]
     both[..., 4:] &= ~four[..., None]
     at, on, link = np.nonzero(both)
-    one, other = 12 * at + _SIDES[on, _LINKS[link, 0]], 12 * at + _SIDES[on, _LINKS[link, 1]]
-    sheets = connected_parts(one, other, cuts.size).reshape(cuts.shape)
-    # two strips between the same two vertices would share an edge
-    sides = np.where(first[same, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
-    twice = np.bincount(same, sheets[cell, sides[:, 0]] == sheets[cell, sides[:, 2]], len(first)) == 2
+    links = 12 * at[:, None] + _SIDES[on[:, None], _LINKS[link]]
+    sheet = connected_parts(*links.T, cuts.size).reshape(cuts.shape)
+    other = np.full(cuts.shape, -1)
+    more = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
+    found, other[more] = np.unique(sheet[more], return_inverse=True)
+
+    strips = np.where(first[:, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
+    alike = (sheet[cell, strips[:, 0]] == sheet[cell, strips[:, 2]]) & (around[cell, face, 1 - first] > 0)
+    twice = np.bincount(same, alike) == 2
+    number = np.where(twice, len(found) + 2 * (np.cumsum(twice) - 1), -2)[same]
     middle = np.full((*cuts.shape, 2), -1)
     for side in range(4):
-        edge = sides[:, side]
-        which = (np.cumsum(twice) - 1)[same] * 2 + side // 2
-        middle[cell, edge, (face // 2 - edge // 4 - 1) % 3] = np.where(twice[same], which, -1)
-    pinched = _pinched(ends, cuts, sheets, one, other)
-    number = np.zeros_like(sheets)
-    others = cuts & (sheets != sheets[np.arange(len(sheets)), cuts.argmax(axis=1), None])
-    found, number[others] = np.unique(sheets[others], return_inverse=True)
-    number[others] += 1
-    return _Sheets(number, len(found), middle, pinched)
+        edge = strips[:, side]
+        middle[cell, edge, (face // 2 - edge // 4 - 1) % 3] = np.maximum(number + side // 2, -1)
+    return _Sheets(other, middle, _pinched(ends.reshape(-1, 2), cuts, sheet.ravel(), links))
 
 
-def _pinched(ends: LabelArray, cuts: BoolArray, sheets: IntArray, one: IntArray, other: IntArray) -> IntArray:
-    """Cells in which a region has two rims in one sheet; edges ``one`` and ``other`` (N,) meet in a face."""
-    flat = ends.reshape(-1, 2)
-    pairs = [
-        np.column_stack([2 * one + m, 2 * other + n])[flat[one, m] == flat[other, n]]
-        for m in (0, 1)
-        for n in (0, 1)
-    ]
-    rims = connected_parts(*np.concatenate(pairs).T, 2 * cuts.size).reshape(-1, 2)
+def _pinched(ends: LabelArray, cuts: BoolArray, sheet: IntArray, links: IntArray) -> IntArray:
+    """Cells in which a region, but for the outside, has two rims in one sheet.
+
+    Edges (E,) of all cells, with labels (E, 2) at their ends, are linked (L, 2) in faces; the sides of walls
+    that one label has are its rims.
+    """
+    same = ends[links[:, 0], :, None] == ends[links[:, 1], None]
+    link, one, other = np.nonzero(same)
+    rims = connected_parts(2 * links[link, 0] + one, 2 * links[link, 1] + other, ends.size)
     edge = np.flatnonzero(cuts)
-    key = (sheets.ravel()[edge, None] * (int(flat.max(initial=0)) + 1) + flat[edge]).ravel()
+    label, rim = ends[edge].ravel().astype(np.int64), rims.reshape(-1, 2)[edge].ravel()
+    key = np.repeat(sheet[edge], 2) * (label.max(initial=0) + 1) + label
     _, begin, which = np.unique(key, return_index=True, return_inverse=True)
-    rim = rims[edge].ravel()
-    return np.unique(np.repeat(edge // 12, 2)[rim != rim[begin[which]]])
+    return np.unique(np.repeat(edge // 12, 2)[(rim != rim[begin[which]]) & (label > 0)])
 
 
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
 ) -> tuple[BoolArray, IntArray]:
-    """Whether the first corner's label is joined across faces with one label at opposite corners.
+    """Whether the first corner's label (K,) is joined across faces with one label at opposite corners, or two.
 
-    Each face of cells (K, 3) is two cells'; decided once. Of two labels on both diagonals the value decides
-    where the distance between them, linear along the face's edges, has its saddle; the outside never is.
-    Returns that (F,), and which of these each (K,) is.
+    Each face of cells (K, 3) is two cells'. Of two labels one is joined: not the outside, or by the value
+    where the distance between them, linear along the face's edges, has its saddle. Returns a number (K,) of
+    each face, too.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
     _, once, same = np.unique(keys, return_index=True, return_inverse=True)
     corners = corners[once].transpose(1, 0, 2)
-    at = [labels[tuple(nodes.T)] for nodes in corners]
-    first, last = (cut(corners[i], corners[j], at[i], at[j]) for i, j in ((0, 1), (3, 2)))
-    joined = np.where((first == last) | (at[0] == 0) | (at[1] == 0), at[0] > at[1], first > last)
-    return np.where(at[1] != at[3], True, np.where(at[0] != at[2], False, joined)), same
+    p, q, r, s = (labels[tuple(nodes.T)] for nodes in corners)
+    here, there = (cut(corners[i], corners[j], one, other) for i, j, one, other in ((0, 1, p, q), (3, 2, s, r)))
+    first = np.where((here == there) | (p == 0) | (q == 0), p > q, here > there)
+    return np.where(q != s, True, np.where(p != r, False, first))[same], same
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
