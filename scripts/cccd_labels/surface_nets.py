@@ -125,15 +125,15 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
             cells = cells[_ambiguous(_corner_labels(labels, cells))]
-            pinched = _sheets(labels, cells, cut).pinched
-            nodes, new = _cheapest(labels, cells[pinched], changed, thin, cost, rising)
+            cells = cells[_sheets(labels, cells, cut).pinched]
+            nodes, new = _cheapest(labels, cells, changed, thin, cost, rising)
             if len(nodes) == 0:
                 break
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
             cells = _once(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), labels.shape)
-    return labels, len(pinched)
+    return labels, len(cells)
 
 
 def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
