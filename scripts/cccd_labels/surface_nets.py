@@ -1,11 +1,10 @@
 """Surfaces between the regions of a grid of labels: surface nets whose regions are all manifold.
 
 One quadrilateral crosses each edge between nodes of different labels (Gibson 1998), so what two regions
-share is one surface from the start. Its corners stand in the cells around the edge. A cell of two labels has
-a vertex for each sheet of surface in it (Nielson 2004), parted on its faces by the asymptotic decider
-(Nielson and Hamann 1991). One of more labels has one vertex; a region's surface is manifold there where its
-nodes are well-composed (Latecki 1997), so nodes by which two parts of a region would touch along an edge or
-in a corner only go over to a neighbour first.
+share is one surface from the start. Its corners stand in the cells around the edge: in each cell a vertex for
+each sheet of surface (Nielson 2004). A label at opposite corners alone of a face is joined there, so what is
+thin stays whole; of two such labels one is (asymptotic decider, Nielson and Hamann 1991). The few nodes by
+which a region would still touch itself in a vertex go over to a neighbour first.
 """
 
 from __future__ import annotations
@@ -31,13 +30,10 @@ Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 MOST_ROUNDS = 500
 #: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
 SLAB_QUADS = 100_000
-#: What it costs more to take a node from a region that is one node thin there: it would have a hole.
-KEPT = 2.0
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of a cell
-#: The four corners of each of a cell's faces, around it, and the ends of its diagonals.
+#: The four corners of each of a cell's faces, around it.
 _FACES = np.array([(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)])
-_DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
 #: Ends of a cell's edges, four along each axis: from its first corner, from the next along the third axis,
 #: along the second, and along both; the second is the one after an axis, the third the one after that.
 _EDGES = np.array(
@@ -51,7 +47,6 @@ _EDGES = np.array(
 _SIDES = np.array(
     [[_EDGES.tolist().index(sorted(side)) for side in zip(f, np.roll(f, -1), strict=True)] for f in _FACES]
 )
-
 #: Pairs of a face's sides: around each of its corners, and opposite ones.
 _LINKS = np.array([(3, 0), (0, 1), (1, 2), (2, 3), (0, 2), (1, 3)])
 
@@ -60,38 +55,16 @@ def _mixed(labels: LabelArray) -> BoolArray:
     """Whether the corners of the cells (A - 1, B - 1, C - 1) of a grid of labels (A, B, C) differ."""
     mixed = np.zeros(tuple(size - 1 for size in labels.shape), np.bool_)
     for corner in _CORNERS[1:]:
-        mixed |= labels[_nodes_at(corner, mixed)] != labels[:-1, :-1, :-1]
+        there = tuple(slice(start, start + size) for start, size in zip(corner, mixed.shape, strict=True))
+        mixed |= labels[there] != labels[:-1, :-1, :-1]
     return mixed
 
 
-def _thin(mixed: BoolArray) -> BoolArray:
-    """Whether nodes (A, B, C) are corners of mixed cells alone: their region is one node thin there."""
-    thin = np.ones(tuple(size + 1 for size in mixed.shape), np.bool_)
-    for corner in _CORNERS:
-        thin[_nodes_at(corner, mixed)] &= mixed
-    return thin
-
-
-def _nodes_at(corner: IntArray, cells: BoolArray) -> tuple[slice, ...]:
-    """Nodes that are a given corner (3,) of each cell."""
-    return tuple(slice(start, start + size) for start, size in zip(corner, cells.shape, strict=True))
-
-
 def _ambiguous(corner_labels: LabelArray) -> BoolArray:
-    """Whether cells (C, 8) may hold several sheets: a label's corners touch along an edge or in a corner only."""
-    # Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell,
-    # two opposite corners are alike and no other, or all but two opposite corners are.
-    found = np.zeros(len(corner_labels), np.bool_)
-    for face in _FACES:
-        p, q, r, s = (corner_labels[:, corner] for corner in face)
-        found |= ((p == r) & (q != p) & (s != p)) | ((q == s) & (p != q) & (r != q))
-    for one, other in _DIAGONALS:
-        alike = corner_labels == corner_labels[:, one, None]
-        between = next(corner for corner in range(8) if corner not in (one, other))
-        around = corner_labels == corner_labels[:, between, None]
-        found |= alike[:, other] & (alike.sum(axis=1) == 2)
-        found |= ~around[:, one] & ~around[:, other] & (around.sum(axis=1) == 6)
-    return found
+    """Whether cells (C, 8) may hold several sheets: all sides of a face are cut, or opposite corners off."""
+    cuts = corner_labels[:, _EDGES[:, 0]] != corner_labels[:, _EDGES[:, 1]]
+    off = np.stack([cuts[:, (corner == _EDGES).any(axis=1)].all(axis=1) for corner in range(8)], axis=1)
+    return cuts[:, _SIDES].all(axis=2).any(axis=1) | (off & off[:, ::-1]).any(axis=1)
 
 
 def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelArray, int]:
@@ -119,28 +92,21 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
     """
     labels, fixed = labels.copy(), np.ones(labels.shape, np.bool_)
     fixed[1:-1, 1:-1, 1:-1] = False
-    mixed = _mixed(labels)
-    cells, thin = np.argwhere(mixed), _thin(mixed)
+    cells = np.argwhere(_mixed(labels))
     for rising in (False, True):
         changed = fixed.copy()
         for _ in range(MOST_ROUNDS):
             cells = cells[_ambiguous(_corner_labels(labels, cells))]
             cells = cells[_sheets(labels, cells, cut).pinched]
-            nodes, new = _cheapest(labels, cells, changed, thin, cost, rising)
+            nodes, new = _cheapest(labels, cells, changed, cost, rising)
             if len(nodes) == 0:
                 break
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            cells = _once(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), labels.shape)
+            # no others can be pinched: those that were, and those that a changed node is a corner of
+            cells = np.unique(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), axis=0)
     return labels, len(cells)
-
-
-def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
-    """Sort cells (C, 3) of a grid, each once."""
-    # as numbers: rows would sort twenty times as slowly, and `unique` hashes
-    keys = np.sort(np.ravel_multi_index(tuple(cells.T), shape))
-    return np.column_stack(np.unravel_index(keys[np.diff(keys, prepend=-1) > 0], shape))
 
 
 def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
@@ -151,7 +117,7 @@ def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
 
 
 def _cheapest(
-    labels: LabelArray, cells: IntArray, changed: BoolArray, thin: BoolArray, cost: NodeCost, rising: bool
+    labels: LabelArray, cells: IntArray, changed: BoolArray, cost: NodeCost, rising: bool
 ) -> tuple[IntArray, LabelArray]:
     """Of each pinched cell (K, 3) the node and the label, of those there, that together cost least."""
     here = _corner_labels(labels, cells)
@@ -159,7 +125,7 @@ def _cheapest(
     have, want = np.repeat(here, 8, axis=1).ravel(), np.tile(here, (1, 8)).ravel()
     price = np.full(len(node), np.inf)
     may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
-    price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin[tuple(node[may].T)]
+    price[may] = cost(node[may], want[may]) - cost(node[may], have[may])
     price = price.reshape(-1, 64)
     best = price.argmin(axis=1) + np.arange(len(price)) * 64
     best = best[np.isfinite(price.ravel()[best])]
@@ -194,10 +160,10 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
     several = np.flatnonzero(_ambiguous(_corner_labels(labels, cells)))
     sheets = _sheets(labels, cells[several], cut)
+    vertices = np.where(sheets.other < 0, several[:, None], len(cells) + sheets.other)
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
-    quads, cuts, regions, extra = list[IntArray](), list[FloatArray](), list[IntArray](), list[IntArray]()
-    count = 0
+    quads, across, cuts, regions = list[IntArray](), list[IntArray](), list[FloatArray](), list[IntArray]()
     for axis in range(3):
         nodes = np.argwhere(np.diff(labels, axis=axis) != 0)
         ends = nodes + np.eye(3, dtype=np.int64)[axis]
@@ -206,68 +172,66 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         point[:, axis] += cut(nodes, ends, low, high)
         second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
-        quad, rising = np.empty((len(nodes), 4), np.int64), low < high
+        quad, middle = np.empty((len(nodes), 4), np.int64), np.full((len(nodes), 4), -1)
         for corner, (cell, edge) in enumerate(around):
-            at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
+            at = np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape))
             parted = np.flatnonzero(row[at] >= 0)
-            here, edge = row[at[parted]], 4 * axis + edge
-            at[parted] = np.where(sheets.other[here, edge] < 0, at[parted], len(cells) + sheets.other[here, edge])
-            quad[:, corner] = at
-            for side in (corner - 1, corner) if corner % 2 else ():  # from the cell before, to the next
-                middle = sheets.middle[here, edge, side - corner + 1]
-                which, middle = parted[middle >= 0], middle[middle >= 0]
-                place = np.where(rising[which], (2 - side) % 4, side)
-                extra.append(np.column_stack([count + which, place, len(cells) + middle]))
-        count += len(nodes)
+            quad[:, corner], here = at, row[at[parted]]
+            quad[parted, corner] = vertices[here, 4 * axis + edge]
+            if corner % 2:  # from the corner before, and to the next
+                middle[parted, corner - 1 : corner + 1] = sheets.middle[here, 4 * axis + edge]
+        falls = (low > high)[:, None]
         cuts.append(point)
-        quads.append(np.where(rising[:, None], quad[:, ::-1], quad))
+        quads.append(np.where(falls, quad, quad[:, ::-1]))
+        across.append(np.where(falls, middle, middle[:, [2, 1, 0, 3]]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    return _meshed(*(np.concatenate(part) for part in (quads, extra, regions, cuts)))
+    return _meshed(*(np.concatenate(part) for part in (quads, across, regions, cuts)))
 
 
 def _meshed(
-    quads: IntArray, extra: IntArray, regions: IntArray, cuts: FloatArray
+    quads: IntArray, across: IntArray, regions: IntArray, cuts: FloatArray
 ) -> tuple[ConformingSurface, FloatArray, int]:
-    """Split quadrilaterals (Q, 4) in two; ``extra`` (E, 3) has more vertices: of which, after which corner.
+    """Split quadrilaterals (Q, 4); those with vertices across faces (Q, 4) are fans around their cuts (Q, 3).
 
-    Those that have some become fans around their cuts (Q, 3). Returns what `surface_nets` does.
+    Vertices across faces come after each corner, and are numbered after all others; -1 for none.
     """
-    large, which = np.unique(extra[:, 0], return_inverse=True)
-    middle = max(quads.max(initial=-1), extra[:, 2].max(initial=-1)) + 1 + np.arange(len(large))
-    polygon = np.concatenate([np.repeat(np.arange(len(quads)), 4), extra[:, 0], large])
-    vertex = np.concatenate([quads.ravel(), extra[:, 2], middle])
-    vertices = _mean_at(polygon, vertex, cuts)
-    nearer = vertices + _mean_at(polygon, vertex, cuts - vertices[quads].mean(axis=1))
-    rim = np.repeat(quads[large], 2, axis=1)
-    rim[which, 2 * extra[:, 1] + 1] = extra[:, 2]
-    fan = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(middle[:, None], 8, axis=1)], axis=2)
-    real = fan[..., 0] != fan[..., 1]
-    plain = np.delete(np.arange(len(quads)), large)
-    beside = np.concatenate([np.repeat(plain, 2), np.repeat(large, real.sum(axis=1))])
-    triangles = np.concatenate([split_quads(vertices, quads[plain]), fan[real]])
-    return ConformingSurface(vertices, triangles, regions[beside]), nearer, len(plain)
+    large, side = np.nonzero(across >= 0)
+    extra = quads.max(initial=-1) + 1 + across[large, side]
+    polygon, which = np.unique(large, return_inverse=True)
+    centre = max(quads.max(initial=-1), extra.max(initial=-1)) + 1 + np.arange(len(polygon))
+    of = np.concatenate([np.repeat(np.arange(len(quads)), 4), large, polygon])
+    vertex = np.concatenate([quads.ravel(), extra, centre])
+    vertices = _mean_at(vertex, cuts[of])
+    nearer = vertices + _mean_at(vertex, (cuts - vertices[quads].mean(axis=1))[of])
+    rim = np.repeat(quads[polygon], 2, axis=1)
+    rim[which, 2 * side + 1] = extra
+    fans = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(centre[:, None], 8, axis=1)], axis=2)
+    real = fans[..., 0] != fans[..., 1]
+    plain = np.delete(np.arange(len(quads)), polygon)
+    sides = np.concatenate([np.repeat(plain, 2), np.repeat(polygon, real.sum(axis=1))])
+    triangles = np.concatenate([split_quads(vertices, quads[plain]), fans[real]])
+    return ConformingSurface(vertices, triangles, regions[sides]), nearer, len(plain)
 
 
-def _mean_at(polygon: IntArray, vertex: IntArray, values: FloatArray) -> FloatArray:
-    """Mean (V, 3) at each vertex (N,) of the values (P, 3) of the polygons (N,) there."""
-    count = np.bincount(vertex)
-    return np.column_stack([np.bincount(vertex, along[polygon]) / count for along in values.T])
+def _mean_at(at: IntArray, values: FloatArray) -> FloatArray:
+    """Mean (V, 3) of the values (N, 3) at each vertex (N,)."""
+    return np.column_stack([np.bincount(at, along) / np.bincount(at) for along in values.T])
 
 
 class _Sheets(NamedTuple):
     """The sheets of surface in cells (C,)."""
 
-    other: IntArray  # (C, 12) numbers of the sheets that cut the cells' edges; -1 for the first of each cell
-    middle: IntArray  # (C, 12, 2) numbers of the vertices across the two faces at each edge, after them; or -1
+    other: IntArray  # (C, 12) numbers of the sheets at the cells' edges; -1 for the first of each cell
+    middle: IntArray  # (C, 12, 2) numbers of the vertices across the two faces at each edge; -1 for none
     pinched: IntArray  # (P,) cells in which a region touches itself in a vertex
 
 
 def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
     """Part the sheets of surface in ambiguous cells (C, 3).
 
-    Cuts of a cell's edges are of one sheet where walls join them in its faces. Where a label is at opposite
-    corners alone of a face, `_joined_across` it, two strips of wall pass; between the same two sheets they
-    would share an edge, so each has a vertex more. The outside may touch itself there.
+    Cuts of a cell's edges are of one sheet where walls join them in its faces. Two strips of wall pass across
+    a face with a label that is `_joined_across` it. Between the same two sheets they would share an edge, so
+    each has a vertex there; the outside may touch itself.
     """
     here = _corner_labels(labels, cells)
     ends, around = here[:, _EDGES], here[:, _FACES]
@@ -278,7 +242,7 @@ def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
     cell, face = np.nonzero(across.any(axis=2))
     first, same = _joined_across(labels, cells[cell], face, cut)
     across[cell, face] = np.column_stack([first, ~first])
-    both = sides[..., _LINKS[:, 0]] & sides[..., _LINKS[:, 1]]
+    both = sides[..., _LINKS].all(axis=3)
     both[..., :4] &= ~across[..., [0, 1, 0, 1]]
     both[..., 4:] &= ~four[..., None]
     at, on, link = np.nonzero(both)
@@ -286,15 +250,14 @@ def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
     sheet = connected_parts(*links.T, cuts.size).reshape(cuts.shape)
     other = np.full(cuts.shape, -1)
     more = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
-    found, other[more] = np.unique(sheet[more], return_inverse=True)
+    other[more] = np.unique(sheet[more], return_inverse=True)[1]
 
     strips = np.where(first[:, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
     alike = (sheet[cell, strips[:, 0]] == sheet[cell, strips[:, 2]]) & (around[cell, face, 1 - first] > 0)
     twice = np.bincount(same, alike) == 2
-    number = np.where(twice, len(found) + 2 * (np.cumsum(twice) - 1), -2)[same]
+    number = 2 * np.where(twice, np.cumsum(twice), 0)[same] - 2
     middle = np.full((*cuts.shape, 2), -1)
-    for side in range(4):
-        edge = strips[:, side]
+    for side, edge in enumerate(strips.T):
         middle[cell, edge, (face // 2 - edge // 4 - 1) % 3] = np.maximum(number + side // 2, -1)
     return _Sheets(other, middle, _pinched(ends.reshape(-1, 2), cuts, sheet.ravel(), links))
 
@@ -318,20 +281,20 @@ def _pinched(ends: LabelArray, cuts: BoolArray, sheet: IntArray, links: IntArray
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
 ) -> tuple[BoolArray, IntArray]:
-    """Whether the first corner's label (K,) is joined across faces with one label at opposite corners, or two.
+    """Whether labels at opposite corners alone of faces are joined across: the first corner's, or the second's.
 
-    Each face of cells (K, 3) is two cells'. Of two labels one is joined: not the outside, or by the value
-    where the distance between them, linear along the face's edges, has its saddle. Returns a number (K,) of
-    each face, too.
+    Each face of cells (K, 3) is two cells'. Of two such labels it is not the outside, or decided by the value
+    where the distance between them, linear along the face's edges, has its saddle. Returns that (K,), and a
+    number (K,) of each face.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
     _, once, same = np.unique(keys, return_index=True, return_inverse=True)
     corners = corners[once].transpose(1, 0, 2)
     p, q, r, s = (labels[tuple(nodes.T)] for nodes in corners)
-    here, there = (cut(corners[i], corners[j], one, other) for i, j, one, other in ((0, 1, p, q), (3, 2, s, r)))
+    here, there = cut(corners[0], corners[1], p, q), cut(corners[3], corners[2], s, r)
     first = np.where((here == there) | (p == 0) | (q == 0), p > q, here > there)
-    return np.where(q != s, True, np.where(p != r, False, first))[same], same
+    return ((q != s) | ((p == r) & first))[same], same
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
