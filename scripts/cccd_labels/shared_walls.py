@@ -257,7 +257,9 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, NET_WAVE * wave, ROUNDS), at_end, pixel)
     moved = smooth - means
-    walls = _of_organs(split_again(replace(rough, vertices=smooth), quads), fields.beyond)
+    walls = split_again(replace(rough, vertices=smooth), quads)
+    of_organs = ~np.isin(walls.regions, [0, fields.beyond]).all(axis=1)
+    walls = replace(walls, triangles=walls.triangles[of_organs], regions=walls.regions[of_organs])
     del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
@@ -278,11 +280,11 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
-def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int, int]:
+def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, IntArray, int]:
     """Mesh the walls with the grid's ripples, in the plane's mm and height.
 
-    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, how many
-    quadrilaterals come first, and how many places of the grid are pinched.
+    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, the
+    quadrilaterals (Q, 4) among them, and how many places of the grid are pinched.
     """
     regions, pinched = well_composed(fields.owners(), fields.price, fields.cut)
     net, nearer, quads = surface_nets(regions, fields.cut)
@@ -316,12 +318,6 @@ def _held(rough: ConformingSurface, smooth: FloatArray, at_end: FloatArray, pixe
     held = rough.vertices + step * (most / np.maximum(np.linalg.norm(step, axis=1), most))[:, None]
     held[:, 2] = np.where(np.isnan(at_end), held[:, 2], at_end)
     return held
-
-
-def _of_organs(surface: ConformingSurface, beyond: int) -> ConformingSurface:
-    """Walls without those between the outside and what lies past the ends of the scan."""
-    kept = ~np.isin(surface.regions, [0, beyond]).all(axis=1)
-    return replace(surface, triangles=surface.triangles[kept], regions=surface.regions[kept])
 
 
 def _with_ends(surface: ConformingSurface, beyond: int, ends: tuple[float, float]) -> ConformingSurface:

@@ -63,7 +63,7 @@ def _mixed(labels: LabelArray) -> BoolArray:
 def _ambiguous(corner_labels: LabelArray) -> BoolArray:
     """Whether cells (C, 8) may hold several sheets: all sides of a face are cut, or opposite corners off."""
     cuts = corner_labels[:, _EDGES[:, 0]] != corner_labels[:, _EDGES[:, 1]]
-    off = np.stack([cuts[:, (corner == _EDGES).any(axis=1)].all(axis=1) for corner in range(8)], axis=1)
+    off = np.stack([cuts[:, np.isin(_EDGES, corner).any(axis=1)].all(axis=1) for corner in range(8)], axis=1)
     return cuts[:, _SIDES].all(axis=2).any(axis=1) | (off & off[:, ::-1]).any(axis=1)
 
 
@@ -84,17 +84,11 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
     labels : (A, B, C) int
     left : int
         Places that are still pinched after `MOST_ROUNDS`.
-
-    Notes
-    -----
-    At first no node changes twice. Where that leaves something, nodes go over to larger labels alone, as
-    often as it takes: one of those that pinch always can.
     """
-    labels, fixed = labels.copy(), np.ones(labels.shape, np.bool_)
-    fixed[1:-1, 1:-1, 1:-1] = False
-    cells = np.argwhere(_mixed(labels))
+    # at first no node changes twice; what that leaves goes over to larger labels alone: one always can
+    labels, cells = labels.copy(), np.argwhere(_mixed(labels))
     for rising in (False, True):
-        changed = fixed.copy()
+        changed = np.pad(np.zeros([size - 2 for size in labels.shape], np.bool_), 1, constant_values=True)
         for _ in range(MOST_ROUNDS):
             cells = cells[_ambiguous(_corner_labels(labels, cells))]
             cells = cells[_sheets(labels, cells, cut).pinched]
@@ -134,7 +128,7 @@ def _cheapest(
     return node[once], want[once]
 
 
-def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray, int]:
+def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray, IntArray]:
     """Mesh the surfaces between the regions of a grid, in nodes.
 
     Parameters
@@ -152,8 +146,8 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     (V, 3) float64
         Means lie within what is bent: vertices nearer to it, moved as far as the middles of their
         quadrilaterals are off the cuts.
-    int
-        The number of quadrilaterals.
+    (Q, 4) int64
+        The quadrilaterals.
     """
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
@@ -174,7 +168,7 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
         quad, middle = np.empty((len(nodes), 4), np.int64), np.full((len(nodes), 4), -1)
         for corner, (cell, edge) in enumerate(around):
-            at = np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape))
+            at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
             parted = np.flatnonzero(row[at] >= 0)
             quad[:, corner], here = at, row[at[parted]]
             quad[parted, corner] = vertices[here, 4 * axis + edge]
@@ -185,12 +179,13 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         quads.append(np.where(falls, quad, quad[:, ::-1]))
         across.append(np.where(falls, middle, middle[:, [2, 1, 0, 3]]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    return _meshed(*(np.concatenate(part) for part in (quads, across, regions, cuts)))
+    every, middles = np.concatenate(quads), np.concatenate(across)
+    return _meshed(every, middles, np.concatenate(regions), np.concatenate(cuts))
 
 
 def _meshed(
     quads: IntArray, across: IntArray, regions: IntArray, cuts: FloatArray
-) -> tuple[ConformingSurface, FloatArray, int]:
+) -> tuple[ConformingSurface, FloatArray, IntArray]:
     """Split quadrilaterals (Q, 4); those with vertices across faces (Q, 4) are fans around their cuts (Q, 3).
 
     Vertices across faces come after each corner, and are numbered after all others; -1 for none.
@@ -210,7 +205,7 @@ def _meshed(
     plain = np.delete(np.arange(len(quads)), polygon)
     sides = np.concatenate([np.repeat(plain, 2), np.repeat(polygon, real.sum(axis=1))])
     triangles = np.concatenate([split_quads(vertices, quads[plain]), fans[real]])
-    return ConformingSurface(vertices, triangles, regions[sides]), nearer, len(plain)
+    return ConformingSurface(vertices, triangles, regions[sides]), nearer, quads[plain]
 
 
 def _mean_at(at: IntArray, values: FloatArray) -> FloatArray:
@@ -247,11 +242,10 @@ def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
     both[..., 4:] &= ~four[..., None]
     at, on, link = np.nonzero(both)
     links = 12 * at[:, None] + _SIDES[on[:, None], _LINKS[link]]
-    sheet = connected_parts(*links.T, cuts.size).reshape(cuts.shape)
+    sheet = connected_parts(links[:, 0], links[:, 1], cuts.size).reshape(cuts.shape)
     other = np.full(cuts.shape, -1)
     more = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
     other[more] = np.unique(sheet[more], return_inverse=True)[1]
-
     strips = np.where(first[:, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
     alike = (sheet[cell, strips[:, 0]] == sheet[cell, strips[:, 2]]) & (around[cell, face, 1 - first] > 0)
     twice = np.bincount(same, alike) == 2
@@ -281,9 +275,9 @@ def _pinched(ends: LabelArray, cuts: BoolArray, sheet: IntArray, links: IntArray
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
 ) -> tuple[BoolArray, IntArray]:
-    """Whether labels at opposite corners alone of faces are joined across: the first corner's, or the second's.
+    """Whether the first corner's label is joined across faces; else the second's.
 
-    Each face of cells (K, 3) is two cells'. Of two such labels it is not the outside, or decided by the value
+    Each face of cells (K, 3) is two cells'. Of two labels one is joined: not the outside, or by the value
     where the distance between them, linear along the face's edges, has its saddle. Returns that (K,), and a
     number (K,) of each face.
     """
@@ -303,7 +297,7 @@ def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
     return _halves(quads, np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1))
 
 
-def split_again(surface: ConformingSurface, quads: int) -> ConformingSurface:
+def split_again(surface: ConformingSurface, quads: IntArray) -> ConformingSurface:
     """Split the quadrilaterals of `surface_nets` along the diagonals at which their triangles turn less.
 
     Smoothing straightens lines between walls: where three corners lie on one, the diagonal that was the
@@ -312,20 +306,12 @@ def split_again(surface: ConformingSurface, quads: int) -> ConformingSurface:
     Parameters
     ----------
     surface : ConformingSurface
-        With the triangles of `surface_nets`, in their order.
-    quads : int
-        The number of quadrilaterals, as it returned it.
+    quads : (Q, 4) int
+        Whose halves are its first triangles.
     """
-    pairs = surface.triangles[: 2 * quads].reshape(-1, 2, 3)
-    at_first = pairs[:, 0, 2] == pairs[:, 1, 1]  # split from the first corner, as in `_halves`
-    rims = np.where(
-        at_first[:, None],
-        np.column_stack([pairs[:, 0], pairs[:, 1, 2]]),
-        np.column_stack([pairs[:, 0, 0], pairs[:, 1]]),
-    )
-    slabs = np.array_split(rims, quads // SLAB_QUADS + 1)
+    slabs = np.array_split(quads, len(quads) // SLAB_QUADS + 1)
     turned = [_turned_less(surface.vertices, slab) for slab in slabs]
-    return replace(surface, triangles=np.concatenate([*turned, surface.triangles[2 * quads :]]))
+    return replace(surface, triangles=np.concatenate([*turned, surface.triangles[2 * len(quads) :]]))
 
 
 def _turned_less(vertices: FloatArray, quads: IntArray) -> IntArray:
