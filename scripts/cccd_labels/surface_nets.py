@@ -26,8 +26,8 @@ NodeCost = Callable[[IntArray, LabelArray], FloatArray]
 #: which the region of the first label ends.
 Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 
-#: Rounds in which nodes go over to a neighbour's label; the last ones change few.
-MOST_ROUNDS = 500
+#: What it costs more to take a node from a region that is one node thin there: it would have a hole.
+KEPT = 2.0
 #: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
 SLAB_QUADS = 100_000
 
@@ -83,16 +83,17 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
     -------
     labels : (A, B, C) int
     left : int
-        Places that are still pinched after `MOST_ROUNDS`.
+        Places that are still pinched.
     """
     # at first no node changes twice; what that leaves goes over to larger labels alone: one always can
-    labels, cells = labels.copy(), np.argwhere(_mixed(labels))
+    labels, mixed = labels.copy(), _mixed(labels)
+    cells = np.argwhere(mixed)
     for rising in (False, True):
         changed = np.pad(np.zeros([size - 2 for size in labels.shape], np.bool_), 1, constant_values=True)
-        for _ in range(MOST_ROUNDS):
+        while True:
             cells = cells[_ambiguous(_corner_labels(labels, cells))]
             cells = cells[_sheets(labels, cells, cut).pinched]
-            nodes, new = _cheapest(labels, cells, changed, cost, rising)
+            nodes, new = _cheapest(labels, cells, mixed, changed, cost, rising)
             if len(nodes) == 0:
                 break
             labels[tuple(nodes.T)] = new
@@ -111,7 +112,7 @@ def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
 
 
 def _cheapest(
-    labels: LabelArray, cells: IntArray, changed: BoolArray, cost: NodeCost, rising: bool
+    labels: LabelArray, cells: IntArray, mixed: BoolArray, changed: BoolArray, cost: NodeCost, rising: bool
 ) -> tuple[IntArray, LabelArray]:
     """Of each pinched cell (K, 3) the node and the label, of those there, that together cost least."""
     here = _corner_labels(labels, cells)
@@ -119,10 +120,10 @@ def _cheapest(
     have, want = np.repeat(here, 8, axis=1).ravel(), np.tile(here, (1, 8)).ravel()
     price = np.full(len(node), np.inf)
     may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
-    price[may] = cost(node[may], want[may]) - cost(node[may], have[may])
-    price = price.reshape(-1, 64)
-    best = price.argmin(axis=1) + np.arange(len(price)) * 64
-    best = best[np.isfinite(price.ravel()[best])]
+    thin = mixed[tuple((node[may, None] - _CORNERS).transpose(2, 0, 1))].all(axis=1)  # at first
+    price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin
+    best = price.reshape(-1, 64).argmin(axis=1) + np.arange(len(cells)) * 64
+    best = best[np.isfinite(price[best])]
     node, want = node[best], want[best]
     once = np.unique(np.ravel_multi_index(tuple(node.T), changed.shape), return_index=True)[1]
     return node[once], want[once]
@@ -277,9 +278,8 @@ def _joined_across(
 ) -> tuple[BoolArray, IntArray]:
     """Whether the first corner's label is joined across faces; else the second's.
 
-    Each face of cells (K, 3) is two cells'. Of two labels one is joined: not the outside, or by the value
-    where the distance between them, linear along the face's edges, has its saddle. Returns that (K,), and a
-    number (K,) of each face.
+    Of two labels at opposite corners it is not the outside, or decided by the value where the distance
+    between them, linear along edges, has its saddle. For cells (K, 3); numbers of their faces, too.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
