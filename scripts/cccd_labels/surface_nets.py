@@ -85,9 +85,9 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
     left : int
         Places that are still pinched.
     """
-    # at first no node changes twice; what that leaves goes over to larger labels alone: one always can
     labels, mixed = labels.copy(), _mixed(labels)
     cells = np.argwhere(mixed)
+    # at first no node changes twice; what that leaves goes over to larger labels alone: one always can
     for rising in (False, True):
         changed = np.pad(np.zeros([size - 2 for size in labels.shape], np.bool_), 1, constant_values=True)
         while True:
@@ -197,8 +197,8 @@ def _meshed(
     centre = max(quads.max(initial=-1), extra.max(initial=-1)) + 1 + np.arange(len(polygon))
     of = np.concatenate([np.repeat(np.arange(len(quads)), 4), large, polygon])
     vertex = np.concatenate([quads.ravel(), extra, centre])
-    vertices = _mean_at(vertex, cuts[of])
-    nearer = vertices + _mean_at(vertex, (cuts - vertices[quads].mean(axis=1))[of])
+    vertices = _mean_at(vertex, cuts, of)
+    nearer = vertices + _mean_at(vertex, cuts - vertices[quads].mean(axis=1), of)
     rim = np.repeat(quads[polygon], 2, axis=1)
     rim[which, 2 * side + 1] = extra
     fans = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(centre[:, None], 8, axis=1)], axis=2)
@@ -209,9 +209,9 @@ def _meshed(
     return ConformingSurface(vertices, triangles, regions[sides]), nearer, quads[plain]
 
 
-def _mean_at(at: IntArray, values: FloatArray) -> FloatArray:
-    """Mean (V, 3) of the values (N, 3) at each vertex (N,)."""
-    return np.column_stack([np.bincount(at, along) / np.bincount(at) for along in values.T])
+def _mean_at(at: IntArray, values: FloatArray, of: IntArray) -> FloatArray:
+    """Mean (V, 3) at each vertex (N,) of the values (Q, 3) of polygons (N,)."""
+    return np.column_stack([np.bincount(at, along[of]) / np.bincount(at) for along in values.T])
 
 
 class _Sheets(NamedTuple):
