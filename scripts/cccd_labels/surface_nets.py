@@ -99,7 +99,6 @@ def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelAr
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            # no others can be pinched: those that were, and those that a changed node is a corner of
             cells = np.unique(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), axis=0)
     return labels, len(cells)
 
@@ -177,22 +176,23 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
                 middle[parted, corner - 1 : corner + 1] = sheets.middle[here, 4 * axis + edge]
         falls = (low > high)[:, None]
         cuts.append(point)
+        middle = np.where(falls, middle, middle[:, [2, 1, 0, 3]])
+        at, side = np.nonzero(middle >= 0)
+        across.append(np.column_stack([at + sum(map(len, quads)), side, middle[at, side]]))
         quads.append(np.where(falls, quad, quad[:, ::-1]))
-        across.append(np.where(falls, middle, middle[:, [2, 1, 0, 3]]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    every, middles = np.concatenate(quads), np.concatenate(across)
-    return _meshed(every, middles, np.concatenate(regions), np.concatenate(cuts))
+    every, more = np.concatenate(quads), np.concatenate(across)
+    return _meshed(every, more, np.concatenate(regions), np.concatenate(cuts))
 
 
 def _meshed(
     quads: IntArray, across: IntArray, regions: IntArray, cuts: FloatArray
 ) -> tuple[ConformingSurface, FloatArray, IntArray]:
-    """Split quadrilaterals (Q, 4); those with vertices across faces (Q, 4) are fans around their cuts (Q, 3).
+    """Split quadrilaterals (Q, 4); those with vertices across faces (M, 3) are fans around their cuts (Q, 3).
 
-    Vertices across faces come after each corner, and are numbered after all others; -1 for none.
+    Of these: the quadrilateral, the corner before, and a number after all other vertices.
     """
-    large, side = np.nonzero(across >= 0)
-    extra = quads.max(initial=-1) + 1 + across[large, side]
+    large, side, extra = across.T + np.array([[0], [0], [quads.max(initial=-1) + 1]])
     polygon, which = np.unique(large, return_inverse=True)
     centre = max(quads.max(initial=-1), extra.max(initial=-1)) + 1 + np.arange(len(polygon))
     of = np.concatenate([np.repeat(np.arange(len(quads)), 4), large, polygon])
