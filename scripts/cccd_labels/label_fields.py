@@ -34,6 +34,8 @@ PROGRAM_BYTES, NODE_BYTES, SLAB_BYTES, WALL_BYTES = 250e6, 8, 32, 1100
 SLAB_MARGIN = 6
 #: Between labels, what no label holds goes to the nearest one up to so many pixels away.
 FILLED_PIXELS = 1.5
+#: A gap between labels is so many nodes wide at most.
+GAP = 3
 #: Walls keep this share of an edge of the grid away from its nodes.
 NODE_MARGIN = 0.02
 #: What it costs in pixels to move a node across the plane at which the scan ends.
@@ -244,14 +246,18 @@ class LabelFields:
 
     def owners(self) -> NumberArray:
         """Give each node (L, I, J) its owner: 0 outside, `beyond` where a label runs past the scan's end."""
-        # a fragment that was dropped is of all labels together still, but near to none
-        inside = (self.outer < 0) & (self.best < FILLED_PIXELS)
-        owner = np.where(inside, self.owner, np.uint16(0))
+        owner = self._owner_at(...)
         low, high = self.frame.ends
         past = (self.heights < low) | (self.heights > high)
         owner[past] = np.where(owner[past] > 0, np.uint16(self.beyond), np.uint16(0))
         owner[[0, -1]] = 0
         return owner
+
+    def _owner_at(self, at: Any) -> NumberArray:
+        """Owners of nodes, given as an index of the grid; 0 outside."""
+        # a fragment that was dropped is of all labels together still, but near to none
+        inside = (self.outer[at] < 0) & (self.best[at] < FILLED_PIXELS)
+        return np.where(inside, self.owner[at], np.uint16(0))
 
     @property
     def beyond(self) -> int:
@@ -270,7 +276,8 @@ class LabelFields:
 
     def cut(self, nodes: IntArray, ends: IntArray, low: LabelArray, high: LabelArray) -> FloatArray:
         """Share (E,) of edges at which they leave one label for another."""
-        here, there = (self._depth(at, low, high, own) for at, own in ((nodes, low), (ends, high)))
+        facing = self._facing(nodes, ends, low, high)
+        here, there = (self._depth(at, low, high, own, facing) for at, own in ((nodes, low), (ends, high)))
         total = here + there
         share = np.divide(here, total, out=np.full(len(nodes), 0.5), where=total > 0)
         share = np.clip(share, NODE_MARGIN, 1 - NODE_MARGIN)
@@ -281,15 +288,31 @@ class LabelFields:
             share[crossed] = (plane - begin[crossed]) / (end[crossed] - begin[crossed])
         return np.asarray(share, float)
 
-    def _depth(self, nodes: IntArray, low: LabelArray, high: LabelArray, own: LabelArray) -> FloatArray:
-        """How far (E,) nodes are from changing between two labels; 0 for those that went over to ``own``."""
+    def _facing(self, nodes: IntArray, ends: IntArray, low: LabelArray, high: LabelArray) -> LabelArray:
+        """Labels (E,) of edges that lead from them into a gap before another one; 0 for all others."""
+        facing, begins = np.zeros(len(nodes), self.owner.dtype), (low == 0)[:, None]
+        outer = np.flatnonzero((low == 0) | (high == 0))
+        at, own = (np.where(begins, *pair)[outer] for pair in ((nodes, ends), (ends, nodes)))
+        label, last = self.owner[tuple(own.T)], np.array(self.owner.shape) - 1
+        for far in range(1, GAP + 1):
+            other = self._owner_at(tuple(np.clip(at + far * (at - own), 0, last).T))
+            facing[outer[(other > 0) & (other != label)]] = label[(other > 0) & (other != label)]
+        return facing
+
+    def _depth(
+        self, nodes: IntArray, low: LabelArray, high: LabelArray, own: LabelArray, facing: LabelArray
+    ) -> FloatArray:
+        """How far (E,) nodes are from changing between two labels; 0 for those that went over to ``own``.
+
+        The outside begins where all labels together end: each by itself is rounded where it meets another.
+        They fill narrow gaps, so a label that faces another ends by itself.
+        """
         at = tuple(nodes.T)
-        outer = self.outer[at].astype(float)
-        depth = np.where(
-            (low == 0) | (high == 0), np.abs(outer), self.second[at].astype(float) - self.best[at]
-        )
-        at_first = np.where((outer < 0) & (self.best[at] < FILLED_PIXELS), self.owner[at], 0)
-        return np.asarray(np.where((own == at_first) | (own == self.beyond), depth, 0), float)
+        best, second = self.best[at].astype(float), self.second[at].astype(float)
+        alone = np.where(own > 0, -best, np.where(self.owner[at] == facing, best, second))
+        outside = np.where(facing > 0, np.maximum(alone, 0), np.abs(self.outer[at].astype(float)))
+        depth = np.where((low == 0) | (high == 0), outside, second - best)
+        return np.where((own == self._owner_at(at)) | (own == self.beyond), depth, 0)
 
     def _placed(self, block: LevelBlock) -> tuple[tuple[slice, slice, slice], HalfArray]:
         """Find where on the grid a block lies, and its distances there."""

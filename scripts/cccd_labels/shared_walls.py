@@ -252,12 +252,14 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     """
     frame = fields.frame
     pixel = float(np.sqrt(frame.pixel_spacing.prod()))
-    rough, means, pinched = _rough(fields)
+    rough, means, quads, pinched = _rough(fields)
     at_end = _at_end(rough, fields)
     wave = default_wave(pixel, frame.slice_spacing) if settings.smoothing is None else settings.smoothing
     smooth = _held(rough, low_passed(rough, NET_WAVE * wave, ROUNDS), at_end, pixel)
     moved = smooth - means
-    walls = _of_organs(split_again(replace(rough, vertices=smooth)), fields.beyond)
+    walls = split_again(replace(rough, vertices=smooth), quads)
+    of_organs = ~np.isin(walls.regions, [0, fields.beyond]).all(axis=1)
+    walls = replace(walls, triangles=walls.triangles[of_organs], regions=walls.regions[of_organs])
     del rough, at_end
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
@@ -278,20 +280,20 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     return SharedWalls(_in_world(surface, frame, fields.first), facts, pinched, len(pairs))
 
 
-def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, int]:
+def _rough(fields: LabelFields) -> tuple[ConformingSurface, FloatArray, IntArray, int]:
     """Mesh the walls with the grid's ripples, in the plane's mm and height.
 
-    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, and how many
-    places of the grid are pinched.
+    Returns them, places (V, 3) of their vertices where hardly anything passes through itself, the
+    quadrilaterals (Q, 4) among them, and how many places of the grid are pinched.
     """
-    regions, pinched = well_composed(fields.owners(), fields.price)
-    net, nearer = surface_nets(regions, fields.cut)
+    regions, pinched = well_composed(fields.owners(), fields.price, fields.cut)
+    net, nearer, quads = surface_nets(regions, fields.cut)
     levels, spacing = np.arange(len(fields.heights)), fields.frame.pixel_spacing
     nearer, means = (
         np.column_stack([nodes[:, 1:] * spacing, np.interp(nodes[:, 0], levels, fields.heights)])
         for nodes in (nearer, net.vertices)
     )
-    return replace(net, vertices=nearer), means, pinched
+    return replace(net, vertices=nearer), means, quads, pinched
 
 
 def _at_end(rough: ConformingSurface, fields: LabelFields) -> FloatArray:
@@ -316,12 +318,6 @@ def _held(rough: ConformingSurface, smooth: FloatArray, at_end: FloatArray, pixe
     held = rough.vertices + step * (most / np.maximum(np.linalg.norm(step, axis=1), most))[:, None]
     held[:, 2] = np.where(np.isnan(at_end), held[:, 2], at_end)
     return held
-
-
-def _of_organs(surface: ConformingSurface, beyond: int) -> ConformingSurface:
-    """Walls without those between the outside and what lies past the ends of the scan."""
-    kept = ~np.isin(surface.regions, [0, beyond]).all(axis=1)
-    return replace(surface, triangles=surface.triangles[kept], regions=surface.regions[kept])
 
 
 def _with_ends(surface: ConformingSurface, beyond: int, ends: tuple[float, float]) -> ConformingSurface:

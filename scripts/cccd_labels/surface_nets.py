@@ -1,11 +1,10 @@
 """Surfaces between the regions of a grid of labels: surface nets whose regions are all manifold.
 
 One quadrilateral crosses each edge between nodes of different labels (Gibson 1998), so what two regions
-share is one surface from the start. Its corners stand in the cells around the edge. A cell of two labels has
-a vertex for each sheet of surface in it (Nielson 2004), parted on its faces by the asymptotic decider
-(Nielson and Hamann 1991). One of more labels has one vertex; a region's surface is manifold there where its
-nodes are well-composed (Latecki 1997), so nodes by which two parts of a region would touch along an edge or
-in a corner only go over to a neighbour first.
+share is one surface from the start. Its corners stand in the cells around the edge: in each cell a vertex for
+each sheet of surface (Nielson 2004). A label at opposite corners alone of a face is joined there, so what is
+thin stays whole; of two such labels one is (asymptotic decider, Nielson and Hamann 1991). The few nodes by
+which a region would still touch itself in a vertex go over to a neighbour first.
 """
 
 from __future__ import annotations
@@ -13,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,17 +26,14 @@ NodeCost = Callable[[IntArray, LabelArray], FloatArray]
 #: which the region of the first label ends.
 Cut = Callable[[IntArray, IntArray, LabelArray, LabelArray], FloatArray]
 
-#: Rounds in which nodes go over to a neighbour's label; the last ones change few.
-MOST_ROUNDS = 500
-#: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
-SLAB_QUADS = 100_000
 #: What it costs more to take a node from a region that is one node thin there: it would have a hole.
 KEPT = 2.0
+#: Quadrilaterals are split so many at once: each takes some 600 bytes meanwhile.
+SLAB_QUADS = 100_000
 
 _CORNERS = np.array(list(product((0, 1), repeat=3)))  # corner 4 x + 2 y + z of a cell
-#: The four corners of each of a cell's faces, around it, and the ends of its diagonals.
+#: The four corners of each of a cell's faces, around it.
 _FACES = np.array([(0, 1, 3, 2), (4, 5, 7, 6), (0, 1, 5, 4), (2, 3, 7, 6), (0, 2, 6, 4), (1, 3, 7, 5)])
-_DIAGONALS = np.array([(0, 7), (1, 6), (2, 5), (3, 4)])
 #: Ends of a cell's edges, four along each axis: from its first corner, from the next along the third axis,
 #: along the second, and along both; the second is the one after an axis, the third the one after that.
 _EDGES = np.array(
@@ -50,60 +47,28 @@ _EDGES = np.array(
 _SIDES = np.array(
     [[_EDGES.tolist().index(sorted(side)) for side in zip(f, np.roll(f, -1), strict=True)] for f in _FACES]
 )
+#: Pairs of a face's sides: around each of its corners, and opposite ones.
+_LINKS = np.array([(3, 0), (0, 1), (1, 2), (2, 3), (0, 2), (1, 3)])
 
 
 def _mixed(labels: LabelArray) -> BoolArray:
     """Whether the corners of the cells (A - 1, B - 1, C - 1) of a grid of labels (A, B, C) differ."""
     mixed = np.zeros(tuple(size - 1 for size in labels.shape), np.bool_)
     for corner in _CORNERS[1:]:
-        mixed |= labels[_nodes_at(corner, mixed)] != labels[:-1, :-1, :-1]
+        there = tuple(slice(start, start + size) for start, size in zip(corner, mixed.shape, strict=True))
+        mixed |= labels[there] != labels[:-1, :-1, :-1]
     return mixed
 
 
-def _thin(mixed: BoolArray) -> BoolArray:
-    """Whether nodes (A, B, C) are corners of mixed cells alone: their region is one node thin there."""
-    thin = np.ones(tuple(size + 1 for size in mixed.shape), np.bool_)
-    for corner in _CORNERS:
-        thin[_nodes_at(corner, mixed)] &= mixed
-    return thin
+def _ambiguous(corner_labels: LabelArray) -> BoolArray:
+    """Whether cells (C, 8) may hold several sheets: all sides of a face are cut, or opposite corners off."""
+    cuts = corner_labels[:, _EDGES[:, 0]] != corner_labels[:, _EDGES[:, 1]]
+    off = np.stack([cuts[:, np.isin(_EDGES, corner).any(axis=1)].all(axis=1) for corner in range(8)], axis=1)
+    return cuts[:, _SIDES].all(axis=2).any(axis=1) | (off & off[:, ::-1]).any(axis=1)
 
 
-def _nodes_at(corner: IntArray, cells: BoolArray) -> tuple[slice, ...]:
-    """Nodes that are a given corner (3,) of each cell."""
-    return tuple(slice(start, start + size) for start, size in zip(corner, cells.shape, strict=True))
-
-
-def _of_two(corner_labels: LabelArray) -> BoolArray:
-    """Whether the corners (C, 8) of cells have no more than two labels."""
-    low, high = corner_labels.min(axis=1), corner_labels.max(axis=1)
-    return np.asarray(np.all((corner_labels == low[:, None]) | (corner_labels == high[:, None]), axis=1))
-
-
-def _pinched(corner_labels: LabelArray) -> list[tuple[IntArray, IntArray]]:
-    """Where a label's nodes touch along an edge or in a corner only: cells (K,), and their corners (K, m)."""
-    # Of a face's four corners, two opposite ones are alike and both others differ from them; or, in a cell,
-    # two opposite corners are alike and no other, or all but two opposite corners are.
-    found: list[tuple[IntArray, IntArray]] = []
-    for face in _FACES:
-        p, q, r, s = (corner_labels[:, corner] for corner in face)
-        bad = ((p == r) & (q != p) & (s != p)) | ((q == s) & (p != q) & (r != q))
-        cells = np.flatnonzero(bad)
-        found.append((cells, np.broadcast_to(face, (len(cells), 4))))
-    for one, other in _DIAGONALS:
-        alike = corner_labels == corner_labels[:, one, None]
-        lonely = alike[:, other] & (alike.sum(axis=1) == 2)
-        between = next(corner for corner in range(8) if corner not in (one, other))
-        around = corner_labels == corner_labels[:, between, None]
-        holed = ~around[:, one] & ~around[:, other] & (around.sum(axis=1) == 6)
-        cells = np.flatnonzero(lonely | holed)
-        found.append((cells, np.broadcast_to(np.arange(8), (len(cells), 8))))
-    return found
-
-
-def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
-    """Let nodes go over to a neighbour's label until no region touches itself along an edge or corner only.
-
-    Cells of two labels are left alone: `surface_nets` parts the sheets in them.
+def well_composed(labels: LabelArray, cost: NodeCost, cut: Cut) -> tuple[LabelArray, int]:
+    """Let nodes go over to a neighbour's label until no region touches itself in a vertex or edge of its net.
 
     Parameters
     ----------
@@ -111,51 +76,31 @@ def well_composed(labels: LabelArray, cost: NodeCost) -> tuple[LabelArray, int]:
         Those on the grid's faces stay.
     cost : callable
         What a node would pay for a label; the cheapest node goes.
+    cut : callable
+        As for `surface_nets`.
 
     Returns
     -------
     labels : (A, B, C) int
     left : int
-        Places that are still pinched after `MOST_ROUNDS`.
-
-    Notes
-    -----
-    At first no node changes twice. Where that leaves something, nodes go over to larger labels alone, as
-    often as it takes: one of those that pinch always can.
+        Places that are still pinched.
     """
-    labels, fixed = labels.copy(), np.ones(labels.shape, np.bool_)
-    fixed[1:-1, 1:-1, 1:-1] = False
-    mixed = _mixed(labels)
-    cells, thin = np.argwhere(mixed), _thin(mixed)
+    labels, mixed = labels.copy(), _mixed(labels)
+    cells = np.argwhere(mixed)
+    # at first no node changes twice; what that leaves goes over to larger labels alone: one always can
     for rising in (False, True):
-        changed = fixed.copy()
-        for _ in range(MOST_ROUNDS):
-            here = _corner_labels(labels, cells)
-            more = ~_of_two(here)
-            cells, here = cells[more], here[more]
-            pinched = [(found, which) for found, which in _pinched(here) if len(found)]
-            moves = [
-                _cheapest(cells[found, None] + _CORNERS, which, here[found], changed, thin, cost, rising)
-                for found, which in pinched
-            ]
-            if not any(len(nodes) for nodes, _ in moves):
+        changed = np.pad(np.zeros([size - 2 for size in labels.shape], np.bool_), 1, constant_values=True)
+        while True:
+            cells = cells[_ambiguous(_corner_labels(labels, cells))]
+            cells = cells[_sheets(labels, cells, cut).pinched]
+            nodes, new = _cheapest(labels, cells, mixed, changed, cost, rising)
+            if len(nodes) == 0:
                 break
-            nodes, new = (np.concatenate(part) for part in zip(*moves, strict=True))
             labels[tuple(nodes.T)] = new
             if not rising:
                 changed[tuple(nodes.T)] = True
-            # no others can be pinched: cells that a changed node is a corner of, and those that were
-            around = (nodes[:, None] - _CORNERS).reshape(-1, 3)
-            cells = _once(np.concatenate([around, *(cells[found] for found, _ in pinched)]), labels.shape)
-    here = _corner_labels(labels, cells)
-    return labels, sum(len(found) for found, _ in _pinched(here[~_of_two(here)]))
-
-
-def _once(cells: IntArray, shape: tuple[int, ...]) -> IntArray:
-    """Sort cells (C, 3) of a grid, each once."""
-    # as numbers: rows would sort twenty times as slowly, and `unique` hashes
-    keys = np.sort(np.ravel_multi_index(tuple(cells.T), shape))
-    return np.column_stack(np.unravel_index(keys[np.diff(keys, prepend=-1) > 0], shape))
+            cells = np.unique(np.concatenate([cells, (nodes[:, None] - _CORNERS).reshape(-1, 3)]), axis=0)
+    return labels, len(cells)
 
 
 def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
@@ -166,33 +111,24 @@ def _corner_labels(labels: LabelArray, cells: IntArray) -> LabelArray:
 
 
 def _cheapest(
-    corners: IntArray,
-    which: IntArray,
-    labels: LabelArray,
-    changed: BoolArray,
-    thin: BoolArray,
-    cost: NodeCost,
-    rising: bool,
+    labels: LabelArray, cells: IntArray, mixed: BoolArray, changed: BoolArray, cost: NodeCost, rising: bool
 ) -> tuple[IntArray, LabelArray]:
-    """Of each pinched place (K,) the node and the label, of those there, that together cost least."""
-    # corners (K, 8, 3) and labels (K, 8) are the cells', which (K, m) the corners that pinch.
-    rows, count = np.arange(len(which))[:, None], which.shape[1]
-    nodes, old = corners[rows, which], labels[rows, which]
-    node = np.repeat(nodes, count, axis=1).reshape(-1, 3)
-    have = np.repeat(old, count, axis=1).ravel()
-    want = np.tile(old, (1, count)).ravel()
+    """Of each pinched cell (K, 3) the node and the label, of those there, that together cost least."""
+    here = _corner_labels(labels, cells)
+    node = np.repeat(cells[:, None] + _CORNERS, 8, axis=1).reshape(-1, 3)
+    have, want = np.repeat(here, 8, axis=1).ravel(), np.tile(here, (1, 8)).ravel()
     price = np.full(len(node), np.inf)
     may = (want > have if rising else want != have) & ~changed[tuple(node.T)]
-    price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin[tuple(node[may].T)]
-    price = price.reshape(len(which), -1)
-    best = price.argmin(axis=1) + np.arange(len(price)) * price.shape[1]
-    best = best[np.isfinite(price.ravel()[best])]
+    thin = mixed[tuple((node[may, None] - _CORNERS).transpose(2, 0, 1))].all(axis=1)  # at first
+    price[may] = cost(node[may], want[may]) - cost(node[may], have[may]) + KEPT * thin
+    best = price.reshape(-1, 64).argmin(axis=1) + np.arange(len(cells)) * 64
+    best = best[np.isfinite(price[best])]
     node, want = node[best], want[best]
     once = np.unique(np.ravel_multi_index(tuple(node.T), changed.shape), return_index=True)[1]
     return node[once], want[once]
 
 
-def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray]:
+def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, FloatArray, IntArray]:
     """Mesh the surfaces between the regions of a grid, in nodes.
 
     Parameters
@@ -206,20 +142,22 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     -------
     ConformingSurface
         Every vertex is the mean of the cuts of its cell's edges, or of those of one sheet of surface in the
-        cell. Normals leave the larger label.
+        cell. Normals leave the larger label. Triangles that are not halves of a quadrilateral come last.
     (V, 3) float64
         Means lie within what is bent: vertices nearer to it, moved as far as the middles of their
         quadrilaterals are off the cuts.
+    (Q, 4) int64
+        The quadrilaterals.
     """
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
-    several, sheets = _sheets(labels, cells, cut)
+    several = np.flatnonzero(_ambiguous(_corner_labels(labels, cells)))
+    sheets = _sheets(labels, cells[several], cut)
+    vertices = np.where(sheets.other < 0, several[:, None], len(cells) + sheets.other)
     row = np.full(len(cells), -1)
     row[several] = np.arange(len(several))
-    quads: list[IntArray] = []
-    cuts: list[FloatArray] = []
-    regions: list[IntArray] = []
+    quads, across, cuts, regions = list[IntArray](), list[IntArray](), list[FloatArray](), list[IntArray]()
     for axis in range(3):
         nodes = np.argwhere(np.diff(labels, axis=axis) != 0)
         ends = nodes + np.eye(3, dtype=np.int64)[axis]
@@ -228,79 +166,129 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         point[:, axis] += cut(nodes, ends, low, high)
         second, third = np.eye(3, dtype=np.int64)[[(axis + 1) % 3, (axis + 2) % 3]]
         around = [(nodes - second - third, 3), (nodes - third, 1), (nodes, 0), (nodes - second, 2)]
-        quad = np.empty((len(nodes), 4), np.int64)
+        quad, middle = np.empty((len(nodes), 4), np.int64), np.full((len(nodes), 4), -1)
         for corner, (cell, edge) in enumerate(around):
             at = np.asarray(np.searchsorted(keys, np.ravel_multi_index(tuple(cell.T), shape)), np.int64)
-            parted = row[at] >= 0
-            at[parted] = sheets[row[at[parted]], 4 * axis + edge]
-            quad[:, corner] = at
+            parted = np.flatnonzero(row[at] >= 0)
+            quad[:, corner], here = at, row[at[parted]]
+            quad[parted, corner] = vertices[here, 4 * axis + edge]
+            if corner % 2:  # from the corner before, and to the next
+                middle[parted, corner - 1 : corner + 1] = sheets.middle[here, 4 * axis + edge]
+        falls = (low > high)[:, None]
         cuts.append(point)
-        quads.append(np.where((low > high)[:, None], quad, quad[:, ::-1]))
+        middle = np.where(falls, middle, middle[:, [2, 1, 0, 3]])
+        at, side = np.nonzero(middle >= 0)
+        across.append(np.column_stack([at + sum(map(len, quads)), side, middle[at, side]]))
+        quads.append(np.where(falls, quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    quad, sides, point = np.concatenate(quads), np.concatenate(regions), np.concatenate(cuts)
-    vertices = _mean_at(quad, point)
-    nearer = vertices + _mean_at(quad, point - vertices[quad].mean(axis=1))
-    return ConformingSurface(vertices, split_quads(vertices, quad), np.repeat(sides, 2, axis=0)), nearer
+    every, more = np.concatenate(quads), np.concatenate(across)
+    return _meshed(every, more, np.concatenate(regions), np.concatenate(cuts))
 
 
-def _mean_at(quads: IntArray, values: FloatArray) -> FloatArray:
-    """Mean (V, 3) at each vertex of the values (Q, 3) of the quadrilaterals (Q, 4) there."""
-    at, count = quads.ravel(), np.bincount(quads.ravel())
-    return np.column_stack([np.bincount(at, np.repeat(along, 4)) / count for along in values.T])
+def _meshed(
+    quads: IntArray, across: IntArray, regions: IntArray, cuts: FloatArray
+) -> tuple[ConformingSurface, FloatArray, IntArray]:
+    """Split quadrilaterals (Q, 4); those with vertices across faces (M, 3) are fans around their cuts (Q, 3).
 
-
-def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> tuple[IntArray, IntArray]:
-    """Part the sheets of surface in cells (C, 3) of two labels that may have several.
-
-    Returns
-    -------
-    several : (S,) int64
-        Those cells.
-    vertices : (S, 12) int64
-        The vertex of the sheet that cuts each of their edges: the cell's own, or one from C on.
+    Of these: the quadrilateral, the corner before, and a number after all other vertices.
     """
-    here, own = _corner_labels(labels, cells), len(cells)
-    two = np.flatnonzero(_of_two(here))
-    several = two[np.unique(np.concatenate([found for found, _ in _pinched(here[two])]))]
-    cuts = here[several][:, _EDGES[:, 0]] != here[several][:, _EDGES[:, 1]]
-    number = cuts[:, _SIDES].sum(axis=2)
-    cell, face = np.nonzero(number == 2)
-    two_sides = cuts[cell[:, None], _SIDES[face]]
-    ends = [two_sides.argmax(axis=1), 3 - two_sides[:, ::-1].argmax(axis=1)]
-    plain = np.column_stack([12 * cell + _SIDES[face, side] for side in ends])
-    cell, face = np.nonzero(number == 4)
-    joined, same = _joined_across(labels, cells[several[cell]], face, cut)
-    sides = 12 * cell[:, None] + _SIDES[face]
-    while True:
-        strips = np.where(joined[same, None], sides, np.roll(sides, 1, axis=1))
-        sheet = connected_parts(*np.concatenate([plain, strips.reshape(-1, 2)]).T, cuts.size)
-        # two strips between the same two vertices would share an edge
-        twice = np.bincount(same, sheet[strips[:, 0]] == sheet[strips[:, 2]], len(joined)) == 2
-        if not twice.any():
-            break
-        joined ^= twice
-    sheet = sheet.reshape(cuts.shape)
-    vertices = np.repeat(several[:, None], 12, axis=1)
-    other = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
-    vertices[other] = own + np.unique(sheet[other], return_inverse=True)[1]
-    return several, vertices
+    large, side, extra = across.T + np.array([[0], [0], [quads.max(initial=-1) + 1]])
+    polygon, which = np.unique(large, return_inverse=True)
+    centre = max(quads.max(initial=-1), extra.max(initial=-1)) + 1 + np.arange(len(polygon))
+    of = np.concatenate([np.repeat(np.arange(len(quads)), 4), large, polygon])
+    vertex = np.concatenate([quads.ravel(), extra, centre])
+    vertices = _mean_at(vertex, cuts, of)
+    nearer = vertices + _mean_at(vertex, cuts - vertices[quads].mean(axis=1), of)
+    rim = np.repeat(quads[polygon], 2, axis=1)
+    rim[which, 2 * side + 1] = extra
+    fans = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(centre[:, None], 8, axis=1)], axis=2)
+    real = fans[..., 0] != fans[..., 1]
+    plain = np.delete(np.arange(len(quads)), polygon)
+    sides = np.concatenate([np.repeat(plain, 2), np.repeat(polygon, real.sum(axis=1))])
+    triangles = np.concatenate([split_quads(vertices, quads[plain]), fans[real]])
+    return ConformingSurface(vertices, triangles, regions[sides]), nearer, quads[plain]
+
+
+def _mean_at(at: IntArray, values: FloatArray, of: IntArray) -> FloatArray:
+    """Mean (V, 3) at each vertex (N,) of the values (Q, 3) of polygons (N,)."""
+    return np.column_stack([np.bincount(at, along[of]) / np.bincount(at) for along in values.T])
+
+
+class _Sheets(NamedTuple):
+    """The sheets of surface in cells (C,)."""
+
+    other: IntArray  # (C, 12) numbers of the sheets at the cells' edges; -1 for the first of each cell
+    middle: IntArray  # (C, 12, 2) numbers of the vertices across the two faces at each edge; -1 for none
+    pinched: IntArray  # (P,) cells in which a region touches itself in a vertex
+
+
+def _sheets(labels: LabelArray, cells: IntArray, cut: Cut) -> _Sheets:
+    """Part the sheets of surface in ambiguous cells (C, 3).
+
+    Cuts of a cell's edges are of one sheet where walls join them in its faces. Two strips of wall pass across
+    a face with a label that is `_joined_across` it. Between the same two sheets they would share an edge, so
+    each has a vertex there; the outside may touch itself.
+    """
+    here = _corner_labels(labels, cells)
+    ends, around = here[:, _EDGES], here[:, _FACES]
+    cuts = ends[..., 0] != ends[..., 1]
+    sides = cuts[:, _SIDES]
+    four = sides.all(axis=2)
+    across = (around[..., :2] == around[..., 2:]) & four[..., None]  # first and third, second and fourth
+    cell, face = np.nonzero(across.any(axis=2))
+    first, same = _joined_across(labels, cells[cell], face, cut)
+    across[cell, face] = np.column_stack([first, ~first])
+    both = sides[..., _LINKS].all(axis=3)
+    both[..., :4] &= ~across[..., [0, 1, 0, 1]]
+    both[..., 4:] &= ~four[..., None]
+    at, on, link = np.nonzero(both)
+    links = 12 * at[:, None] + _SIDES[on[:, None], _LINKS[link]]
+    sheet = connected_parts(links[:, 0], links[:, 1], cuts.size).reshape(cuts.shape)
+    other = np.full(cuts.shape, -1)
+    more = cuts & (sheet != sheet[np.arange(len(sheet)), cuts.argmax(axis=1), None])
+    other[more] = np.unique(sheet[more], return_inverse=True)[1]
+    strips = np.where(first[:, None], _SIDES[face], np.roll(_SIDES[face], 1, axis=1))
+    alike = (sheet[cell, strips[:, 0]] == sheet[cell, strips[:, 2]]) & (around[cell, face, 1 - first] > 0)
+    twice = np.bincount(same, alike) == 2
+    number = 2 * np.where(twice, np.cumsum(twice), 0)[same] - 2
+    middle = np.full((*cuts.shape, 2), -1)
+    for side, edge in enumerate(strips.T):
+        middle[cell, edge, (face // 2 - edge // 4 - 1) % 3] = np.maximum(number + side // 2, -1)
+    return _Sheets(other, middle, _pinched(ends.reshape(-1, 2), cuts, sheet.ravel(), links))
+
+
+def _pinched(ends: LabelArray, cuts: BoolArray, sheet: IntArray, links: IntArray) -> IntArray:
+    """Cells in which a region, but for the outside, has two rims in one sheet.
+
+    Edges (E,) of all cells, with labels (E, 2) at their ends, are linked (L, 2) in faces; the sides of walls
+    that one label has are its rims.
+    """
+    same = ends[links[:, 0], :, None] == ends[links[:, 1], None]
+    link, one, other = np.nonzero(same)
+    rims = connected_parts(2 * links[link, 0] + one, 2 * links[link, 1] + other, ends.size)
+    edge = np.flatnonzero(cuts)
+    label, rim = ends[edge].ravel().astype(np.int64), rims.reshape(-1, 2)[edge].ravel()
+    key = np.repeat(sheet[edge], 2) * (label.max(initial=0) + 1) + label
+    _, begin, which = np.unique(key, return_index=True, return_inverse=True)
+    return np.unique(np.repeat(edge // 12, 2)[(rim != rim[begin[which]]) & (label > 0)])
 
 
 def _joined_across(
     labels: LabelArray, cells: IntArray, face: IntArray, cut: Cut
 ) -> tuple[BoolArray, IntArray]:
-    """Whether the first corner's label is joined across faces with both labels at opposite corners.
+    """Whether the first corner's label is joined across faces; else the second's.
 
-    Each face of cells (K, 3) is two cells'; decided once, by the value where the distance between the labels,
-    linear along the face's edges, has its saddle. Returns that (F,), and which of these each (K,) is.
+    Of two labels at opposite corners it is not the outside, or decided by the value where the distance
+    between them, linear along edges, has its saddle. For cells (K, 3); numbers of their faces, too.
     """
     corners = cells[:, None] + _CORNERS[_FACES[face]]
     keys = np.ravel_multi_index(tuple(corners[:, 0].T), labels.shape) * 3 + face // 2
     _, once, same = np.unique(keys, return_index=True, return_inverse=True)
     corners = corners[once].transpose(1, 0, 2)
-    at = [labels[tuple(nodes.T)] for nodes in corners]
-    first, last = (cut(corners[i], corners[j], at[i], at[j]) for i, j in ((0, 1), (3, 2)))
-    return np.where(first == last, at[0] > at[1], first > last), same
+    p, q, r, s = (labels[tuple(nodes.T)] for nodes in corners)
+    here, there = cut(corners[0], corners[1], p, q), cut(corners[3], corners[2], s, r)
+    first = np.where((here == there) | (p == 0) | (q == 0), p > q, here > there)
+    return ((q != s) | ((p == r) & first))[same], same
 
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
@@ -309,7 +297,7 @@ def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
     return _halves(quads, np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1))
 
 
-def split_again(surface: ConformingSurface) -> ConformingSurface:
+def split_again(surface: ConformingSurface, quads: IntArray) -> ConformingSurface:
     """Split the quadrilaterals of `surface_nets` along the diagonals at which their triangles turn less.
 
     Smoothing straightens lines between walls: where three corners lie on one, the diagonal that was the
@@ -318,19 +306,12 @@ def split_again(surface: ConformingSurface) -> ConformingSurface:
     Parameters
     ----------
     surface : ConformingSurface
-        With the triangles of `surface_nets`, in their order.
+    quads : (Q, 4) int
+        Whose halves are its first triangles.
     """
-    pairs = surface.triangles.reshape(-1, 2, 3)
-    at_first = pairs[:, 0, 2] == pairs[:, 1, 1]  # split from the first corner, as in `_halves`
-    quads = np.where(
-        at_first[:, None],
-        np.column_stack([pairs[:, 0], pairs[:, 1, 2]]),
-        np.column_stack([pairs[:, 0, 0], pairs[:, 1]]),
-    )
     slabs = np.array_split(quads, len(quads) // SLAB_QUADS + 1)
-    return replace(
-        surface, triangles=np.concatenate([_turned_less(surface.vertices, slab) for slab in slabs])
-    )
+    turned = [_turned_less(surface.vertices, slab) for slab in slabs]
+    return replace(surface, triangles=np.concatenate([*turned, surface.triangles[2 * len(quads) :]]))
 
 
 def _turned_less(vertices: FloatArray, quads: IntArray) -> IntArray:

@@ -47,7 +47,7 @@ def test_quads_whose_corners_moved_are_split_where_they_do_not_fold():
         flat = ConformingSurface(corners, split_quads(corners, quad), np.array([(1, 0), (1, 0)]))
         bent = corners.copy()
         bent[3] = (1.2, 0.8, 0)  # below the line from the first to the third
-        mesh = split_again(ConformingSurface(bent, flat.triangles, flat.regions))
+        mesh = split_again(ConformingSurface(bent, flat.triangles, flat.regions), quad)
         normals = Mesh(bent, mesh.triangles).face_normals[:, 2]
         assert (normals > 0).all()
         assert np.array_equal(np.sort(np.unique(mesh.triangles)), np.arange(4))
