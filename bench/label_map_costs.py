@@ -105,12 +105,8 @@ def measured(path: Path, alone: bool) -> dict[str, object]:
     if alone:
         truths = {part.organ: mask_surface(part) for part in whole.structures.values()}
         apart = {part.organ: cccd.reconstruct(part).lofted.mesh for part in whole.structures.values()}
-        with_walls = {
-            name: Mesh(mesh.points.astype(float), mesh.regular_faces) for name, mesh in meshes.items()
-        }
-        ratios = np.array(
-            [distance(with_walls[n], truths[n]) / distance(apart[n], truths[n]) for n in meshes]
-        )
+        ours = {name: Mesh(mesh.points.astype(float), mesh.regular_faces) for name, mesh in meshes.items()}
+        ratios = np.array([distance(ours[n], truths[n]) / distance(apart[n], truths[n]) for n in meshes])
     return {
         "map": path.name.split(".")[0],
         "labels": len(whole.labels),

@@ -3,8 +3,8 @@
     PYTHONPATH=scripts python bench/walls_truth.py [--truth FOLDER] [BODY ...]
 
 Each body of `bench/exact_truth.py` is label 1 of a map; a small ball that touches it is label 2, so that the
-body gets walls and no spline. The ratios are those of the body with walls to the body alone; ``spline`` is
-the ASSD of the spline through the walls to that of their mesh. In ``docs/measured/walls_truth.csv``.
+body gets walls and no spline. The ratios are those of the body with walls to the body alone; ``spline``, of
+solids to these walls. In ``docs/measured/walls_truth.csv``.
 """
 
 from __future__ import annotations
@@ -25,8 +25,6 @@ import cccd
 from cccd_walls.solids import build_together
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "measured" / "walls_truth.csv"
-#: mm: of the splines.
-TOLERANCE = 0.2
 BODIES = ["kidney", "bronchi", "pial left"]
 
 
@@ -50,7 +48,7 @@ def measured(body: Body, ratio: float) -> dict[str, object]:
         near = compare(mesh, truth)
         found.append((near["assd_mm"], near["normals_median_deg"], bending(mesh), len(mesh.faces)))
     (assd, normals, bends, count), alone = found
-    ((shell,),) = build_together({"body": with_walls.lofted, "ball": other.lofted}, TOLERANCE)["body"].bodies
+    ((shell,),) = build_together({"body": with_walls.lofted, "ball": other.lofted}, 0.2)["body"].bodies
     return {
         "body": body.name,
         "slices": f"{ratio:g}:1",

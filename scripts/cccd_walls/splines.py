@@ -162,8 +162,8 @@ class WallTarget(Target):
 class WallFit(SplineFit):
     """A spline on its way to walls; its seams stay."""
 
-    #: To even out would take thin walls far from where they are.
-    rounds = (6, 0, 12)
+    #: More evening out would take thin walls far from where they are.
+    rounds = (6, 8, 12)
 
     def __init__(
         self, control: ControlMesh, wall: IntArray, seams: tuple[IntArray, FloatArray], target: WallTarget
