@@ -28,10 +28,8 @@ from cccd_solids.spline_shell import SplineShell, spline_shell_of
 
 #: Percentiles from other samples of the same surfaces differ by up to this factor.
 SAMPLED = 1.25
-
 #: A mesh whose spline needs more quads is made of planar facets, which take less room in STEP.
 MOST_QUADS = 20_000
-
 #: A faceted solid has at most so many: each takes about a kilobyte in STEP, and CAD programs slow down
 #: beyond.
 MOST_FACETS = 40_000

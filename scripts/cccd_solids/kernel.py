@@ -147,8 +147,7 @@ def spline_shells(
     ----------
     points : (V, 3) float64
         Of the vertices; those that no edge ends at may be among them.
-    curves : sequence of Curve
-    faces : sequence of SplineFace or PlanarFace
+    curves, faces : sequences of Curve, and of SplineFace or PlanarFace
     shells : sequence of sequence of (int, bool)
         The faces of each, and whether their outer side is that of the shell.
     """

@@ -15,7 +15,6 @@ from cccd_solids.kernel import facet_shell
 
 #: Facets are tried with this share of them, again and again.
 FEWER = 0.7
-
 #: Points on either surface from which distances are taken.
 SAMPLES = 10_000
 
