@@ -43,7 +43,7 @@ class ControlMesh:
     sharpness : (E,) float64
         How sharp each of them is; `SHARP` and more for ever.
     corners : (C,) int64
-        Control points that the surface goes through, beside those where more than two creases meet.
+        Control points that the surface goes through; so it does wherever more than two creases meet.
 
     Examples
     --------
