@@ -58,11 +58,6 @@ class QuadFaces:
         face[alone] = len(normals) + len(fours) + np.arange(int(alone.sum()))
         return cls(links, face, normals, fours, first)
 
-    @property
-    def count(self) -> int:
-        """How many faces there are."""
-        return int(self.face.max()) + 1
-
     @cached_property
     def alone(self) -> IntArray:
         """Quads that are faces of their own, in the order of their faces."""
@@ -119,7 +114,7 @@ class QuadFaces:
 
     def wires(self) -> Iterator[list[list[int]]]:
         """Yield the heads along each boundary of each face, face by face."""
-        by_face: list[list[int]] = [[] for _ in range(self.count)]
+        by_face: list[list[int]] = [[] for _ in range(int(self.face.max()) + 1)]
         for head, face in zip(self.heads.tolist(), self.face[self.heads // 4].tolist(), strict=True):
             by_face[face].append(head)
         onwards = self.successor[self.tail].tolist()

@@ -68,9 +68,13 @@ class SplineShell:
         """How many of its faces are planes."""
         return len(self.faces.normals)
 
-    @cached_property
+    @property
     def mesh(self) -> Mesh:
         """Triangles through points of the patches, closed as the patches are."""
+        return self._triangles
+
+    @cached_property
+    def _triangles(self) -> Mesh:
         return grid_triangles(self.quads, self.patches.samples(SAMPLED))
 
     @property

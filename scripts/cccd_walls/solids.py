@@ -41,7 +41,7 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
         An organ with a spline of its own has that one's patches; see `cccd_solids.build.build_solids`. So
         has one whose common faces would fall short of what is asked: its report has no ``common_faces``.
     """
-    joint = [name for name, surface in surfaces.items() if not surface.bodies]
+    joint = [name for name, one in surfaces.items() if not one.bodies and one.mesh.is_closed_manifold]
     shared = _share([surfaces[name] for name in joint], tolerance) if len(joint) > 1 else []
     found = dict(zip(joint, shared, strict=False))
     return {name: better(found.get(name), surface, tolerance) for name, surface in surfaces.items()}

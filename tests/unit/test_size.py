@@ -20,7 +20,7 @@ MOST_LINES = {
     "scripts/cccd_paper": 9217,
     "scripts/cccd_segmentation": 1669,
     "scripts/cccd_shapes": 1466,
-    "scripts/cccd_solids": 1929,
+    "scripts/cccd_solids": 1928,
     "scripts/cccd_tetrahedra": 1489,
     "scripts/cccd_training": 3574,
     "scripts/cccd_vessels": 1869,
