@@ -83,14 +83,18 @@ def test_fans_that_meet_at_a_vertex_alone_part():
     assert Mesh(np.zeros((len(vertex), 3)), parted).is_closed_manifold
 
 
+def half(nodes, ends, low, high):
+    return np.full(len(nodes), 0.5)
+
+
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 4))
 def test_collapsed_walls_of_noise_keep_their_topology(seed, count):
     random = np.random.default_rng(seed)
     labels = np.zeros((7,) * 3, np.int32)
     labels[1:-1, 1:-1, 1:-1] = random.integers(1, count + 1, (5,) * 3) * (random.random((5,) * 3) < 0.7)
-    labels, _ = well_composed(labels, lambda nodes, labels: labels.astype(float))
-    net, _ = surface_nets(labels, lambda nodes, ends, low, high: np.full(len(nodes), 0.5))
+    labels, _ = well_composed(labels, lambda nodes, labels: labels.astype(float), half)
+    net = surface_nets(labels, half)[0]
     walls = WallComplex.welded([net.mesh_of(label) for label in net.labels])
     fewer = collapse_walls(walls, len(walls.triangles) // 4)
     assert len(fewer.triangles) < len(walls.triangles)
