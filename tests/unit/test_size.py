@@ -17,7 +17,7 @@ MOST_LINES = {
     "scripts/cccd_labels": 3032,
     "scripts/cccd_meshes": 920,
     "scripts/cccd_networks": 471,
-    "scripts/cccd_paper": 9217,
+    "scripts/cccd_paper": 9216,
     "scripts/cccd_segmentation": 1669,
     "scripts/cccd_shapes": 1466,
     "scripts/cccd_solids": 1928,
@@ -28,7 +28,7 @@ MOST_LINES = {
     "scripts/cccd_walls": 896,
     "scripts/cccd_workflow": 6157,
     "bench": 4700,
-    "tests": 24172,
+    "tests": 24176,
 }
 
 

@@ -189,11 +189,10 @@ def _ordered_pixels(slab: Structure, finding: BoundarySettings, orderers: Sequen
 
 def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting: LoftSettings) -> dict:
     """Loft what a method left of the slices, and put its stages into a row."""
-    loft = lofting.model_copy(update={"source": "splines"})
     slices = len(np.unique(planar.curves.slice))
     seconds, score = dict(planar.seconds), np.nan
     if slices > 1:
-        surface, seconds["surface"] = _clocked(lambda: loft_surface(Sections(planar.curves), loft))
+        surface, seconds["surface"] = _clocked(lambda: loft_surface(Sections(planar.curves), lofting))
         if len(surface.mesh.faces):
             score = voxel_dice(surface.mesh, slab)
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}
