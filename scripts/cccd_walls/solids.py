@@ -17,10 +17,12 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_part
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, quad_edges
 from cccd.surface.surface import LoftedSurface
+from cccd.tolerances import SOLID_VOLUME
 from cccd_solids.bodies import nest_pieces
-from cccd_solids.build import Solids, build_solids
+from cccd_solids.build import SAMPLED, Solids, build_solids
 from cccd_solids.kernel import Bound, PlanarFace, SplineFace, spline_shells
-from cccd_solids.spline_shell import SAMPLED, SplineShell, grid_triangles, spline_shell_of
+from cccd_solids.spline_shell import SAMPLED as PATCH_SAMPLES
+from cccd_solids.spline_shell import SplineShell, grid_triangles, spline_shell_of
 from cccd_walls.complexes import WallComplex, split_fans
 from cccd_walls.splines import WallSpline, fit_walls
 
@@ -39,7 +41,7 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
     -------
     dict of str to Solids
         An organ with a spline of its own has that one's patches; see `cccd_solids.build.build_solids`. So
-        has one whose common faces would fall short of what is asked: its report has no ``common_faces``.
+        has one whose common faces would be too far off: its report has no ``common_faces``.
     """
     joint = [name for name, one in surfaces.items() if not one.bodies and one.mesh.is_closed_manifold]
     shared = _share([surfaces[name] for name in joint], tolerance) if len(joint) > 1 else []
@@ -48,9 +50,11 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
 
 
 def better(shared: Solids | None, surface: LoftedSurface, tolerance: float) -> Solids:
-    """Take an organ's common faces, or a spline of its own where that falls less short."""
-    if shared is not None and not shared.warnings:
-        return shared
+    """Take an organ's common faces, or a spline of its own where they are too far off or hold too little."""
+    if shared is not None:
+        near = shared.report["p99_mm"] <= SAMPLED * tolerance
+        if near and abs(shared.report["volume_ratio"] - 1) <= SOLID_VOLUME:
+            return shared
     alone = build_solids(surface, tolerance)
     return alone if shared is None or len(alone.warnings) < len(shared.warnings) else shared
 
@@ -155,7 +159,7 @@ class Cover:
     def shells(self) -> list[SharedShell]:
         """Give the shell of each piece."""
         finer = 4**self.shell.halved
-        samples, planar = self.shell.patches.samples(SAMPLED), self.shell.faces.planar[::4]
+        samples, planar = self.shell.patches.samples(PATCH_SAMPLES), self.shell.faces.planar[::4]
         found: list[SharedShell] = []
         for piece in range(int(self.piece.max()) + 1):
             own = np.tile(self.piece == piece, finer)
