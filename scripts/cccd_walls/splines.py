@@ -21,7 +21,6 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.surface.spline_fit import ROUNDS, SAMPLED, SplineFit, Target, neighbour_means
-from cccd.tolerances import HELD_VOLUME
 from cccd_walls.collapse import collapse_walls
 from cccd_walls.complexes import CORNER, WITHIN, WallComplex
 
@@ -37,8 +36,6 @@ AMISS_SPLIT = 4.0
 NEARER = 0.4
 #: Of walls' distances 99 % are below so many times their root mean square, about.
 TAIL = 2.6
-#: Moves by which organs come to hold their volumes, at most: seams stay, so each moves less than it shall.
-HOLDING_ROUNDS = 12
 #: Weight of even control points along a seam beside near ones.
 EVENNESS = 1e-2
 #: The spline is fitted to planes at vertices, so triangles are split until they are about as short as so many
@@ -94,7 +91,6 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
         fit = _fitted(coarse, walls, target)
         times = _too_coarse(fit, coarse, tolerance)
         if times.max() == 1 or attempt >= REFINEMENTS - 1 or most > size // COARSER:
-            fit.hold_volumes(walls)
             crossing = fit.untangle()
             if best is None or len(crossing) < len(best[1]):
                 best = fit, crossing
@@ -202,28 +198,6 @@ class WallFit(SplineFit):
         off[samples] = np.linalg.norm(places[samples] - goals, axis=1)
         return places, off
 
-    def hold_volumes(self, walls: WallComplex) -> None:
-        """Move walls, but for planes where the scan cuts, until each organ holds the volume of its meshes."""
-        wanted, fixed = _volumes(walls.mesh, walls.regions[walls.wall]), _level(walls)
-        sampler = self.wall.sampler()
-        wall = np.tile(self.walls_of_quads, len(sampler.triangles) // len(self.walls_of_quads))
-        first, second = walls.regions.T
-        own = self._wall[: len(self.points)]
-        for _ in range(HOLDING_ROUNDS):
-            drawn = Mesh(sampler.matrix @ self.points, sampler.triangles)
-            area = np.where(fixed, 0.0, np.bincount(wall, drawn.face_areas, len(fixed)))
-            shared = np.zeros((len(wanted), len(wanted)))
-            np.add.at(shared, (first, second), area)
-            shared += shared.T
-            balance = (np.diag(shared.sum(axis=1)) - shared)[1:, 1:]  # the outside stays as it is
-            missing = wanted - _volumes(drawn, walls.regions[wall])
-            if np.all(np.abs(missing) <= HELD_VOLUME * wanted):
-                break
-            gain = np.append(0.0, np.linalg.lstsq(balance, missing[1:], rcond=None)[0])
-            move = np.where(fixed, 0.0, gain[first] - gain[second])
-            along = self._normals(self.sampling @ self.points)[: len(self.points)]
-            self.points = self.points + move[own][:, None] * along
-
     def _away(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
         assert isinstance(self.target, WallTarget)
         placed = np.column_stack([samples, self.target.apart * self._wall])
@@ -239,23 +213,6 @@ class WallFit(SplineFit):
         super()._even(along)
         rim = self.rim[: len(before)]
         self.points[rim] = before[rim]
-
-
-def _volumes(mesh: Mesh, regions: IntArray) -> FloatArray:
-    """Volumes (N + 1,) of organs, of whose walls, between regions (T, 2), a mesh consists; the first is 0."""
-    under = np.einsum("tc,tc->t", mesh.vertices[mesh.faces[:, 0]], mesh.face_normals) / 6
-    count = int(regions.max()) + 1
-    held = np.bincount(regions[:, 0], under, count) - np.bincount(regions[:, 1], under, count)
-    return np.append(0.0, held[1:])
-
-
-def _level(walls: WallComplex) -> BoolArray:
-    """Which walls (W,) lie at one height: planes where the scan cuts."""
-    heights = walls.vertices[walls.triangles, 2]
-    low, high = np.full(len(walls.regions), np.inf), np.full(len(walls.regions), -np.inf)
-    np.minimum.at(low, walls.wall, heights.min(axis=1))
-    np.maximum.at(high, walls.wall, heights.max(axis=1))
-    return low >= high
 
 
 def _fitted(coarse: WallComplex, walls: WallComplex, target: WallTarget) -> WallFit:

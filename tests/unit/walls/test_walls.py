@@ -159,14 +159,3 @@ def test_an_organ_whose_common_faces_are_far_off_has_a_spline_of_its_own():
     found = better(far, surface, TOLERANCE)
     assert found.warnings == []
     assert found.bodies[0][0].mesh.volume == pytest.approx(surface.mesh.volume, rel=5e-3)
-
-
-@pytest.mark.parametrize("cut", [0, 10])
-def test_every_organ_holds_the_volume_of_its_mesh(cut):
-    walls = complex_of(cut)
-    spline = fit_walls(walls, 2 * TOLERANCE)
-    drawn = spline.control.tessellate()
-    wall = np.tile(spline.wall, len(drawn.faces) // len(spline.wall))
-    few = WallComplex(drawn.vertices, drawn.faces, wall, walls.regions)
-    for mesh, truth in zip(meshes_of(few, few.triangles), meshes_of(walls, walls.triangles), strict=True):
-        assert mesh.volume == pytest.approx(truth.volume, rel=1e-3)
