@@ -182,19 +182,19 @@ class Cover:
         # an edge of a single quad begins where its tail does
         keys[heads == tails, 1] = -1
         _, first, same = np.unique(keys, axis=0, return_index=True, return_inverse=True)
-        same = same.ravel()
+        renumbered = same.ravel().tolist()
         point = np.full(int(self.vertex.max()) + 1, -1)
         point[self.vertex[::-1]] = np.arange(len(self.vertex))[::-1]
         kept = [
             curves[n]._replace(start=int(point[ends[n, 0]]), end=int(point[ends[n, 2]]))
             for n in first.tolist()
         ]
-        flips = (turned != turned[first[same]]).tolist()
+        flips = (turned != turned[first[renumbered]]).tolist()
         primary = np.unique(face[self.forward])
         number = np.full(int(face.max()) + 1, -1)
         number[primary] = np.arange(len(primary))
         bounded = self.shell.bounded_faces()
-        faces = [_renumbered(bounded[n], same.tolist(), flips) for n in primary.tolist()]
+        faces = [_renumbered(bounded[n], renumbered, flips) for n in primary.tolist()]
         of_quad = np.full(int(self.quad.max()) + 1, -1)
         of_quad[self.quad[self.forward]] = number[face[self.forward]]
         both = np.unique(np.column_stack([self.piece, of_quad[self.quad], self.forward]), axis=0)
