@@ -41,7 +41,7 @@ PACKAGES = (
     "cccd",
     *("cccd_networks", "cccd_segmentation", "cccd_datasets", "cccd_junctions", "cccd_labels", "cccd_dicom"),
     *("cccd_formats", "cccd_viewers", "cccd_meshes", "cccd_solids", "cccd_tetrahedra", "cccd_vessels"),
-    *("cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
+    *("cccd_walls", "cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 
 

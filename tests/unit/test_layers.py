@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from cccd import plugins
+
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "scripts"
 
@@ -122,6 +124,8 @@ def test_no_two_parts_of_a_package_know_each_other(package):
 
 
 def test_the_core_names_other_packages_in_one_place():
+    # a package that it does not name changes without its jobs running again
+    assert {*plugins.PACKAGES} == {*PACKAGES} == {path.parent.name for path in SCRIPTS.glob("*/__init__.py")}
     quoted = re.compile(r"[\"'(]cccd_\w")
     named = {name for name, path in MODULES.items() if quoted.search(path.read_text(encoding="utf-8"))}
     assert {name for name in named if name.split(".")[0] == "cccd"} == {"cccd.plugins"}

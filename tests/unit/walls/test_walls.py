@@ -36,8 +36,7 @@ def organs(cut=0):
     """Their surfaces, on voxels that are turned in space."""
     labels = sectors(cut)
     affine = np.array([(0.0, 0, 1, 3), (1, 0, 0, -5), (0, 1, 0, 7), (0, 0, 0, 1)])
-    frame = Frame(affine, 2, labels.shape)
-    origin = np.zeros(3, np.int64)
+    frame, origin = Frame(affine, 2, labels.shape), np.zeros(3, np.int64)
     parts = {n: Structure("ball", f"part{n}", frame, origin, mask=labels == n) for n in (1, 2, 3)}
     walls = share_walls(parts, LoftSettings()).surface
     return {walls.names[n]: LoftedSurface([], walls.mesh_of(n), frame) for n in walls.labels}
@@ -59,8 +58,7 @@ def meshes_of(walls, faces):
 
 def test_sectors_meet_in_a_line_between_two_corners():
     walls = complex_of()
-    assert len(walls.regions) == 6
-    assert (walls.kinds == CORNER).sum() == 2
+    assert (len(walls.regions), (walls.kinds == CORNER).sum()) == (6, 2)
     line = walls.vertices[(walls.kinds == SEAM)]
     assert np.hypot(*(line - line.mean(axis=0))[:, :2].T).max() == pytest.approx(RADIUS, rel=0.06)
     volume = sum(surface.mesh.volume for surface in organs().values())
@@ -106,8 +104,7 @@ def test_collapsed_walls_of_noise_keep_their_topology(seed, count):
     corners = [w.vertices[w.kinds == CORNER] for w in (walls, fewer)]
     assert np.array_equal(*[points[np.lexsort(points.T)] for points in corners])
     seams = walls.vertices[walls.kinds > WITHIN]
-    kept = fewer.vertices[fewer.kinds == SEAM]
-    assert all((seams == point).all(axis=1).any() for point in kept)
+    assert all((seams == point).all(axis=1).any() for point in fewer.vertices[fewer.kinds == SEAM])
 
 
 @pytest.mark.parametrize("cut", [0, 10])
@@ -154,8 +151,7 @@ def test_solids_of_neighbours_have_the_same_faces(cut):
 
 
 def test_an_organ_whose_common_faces_are_far_off_has_a_spline_of_its_own():
-    surface = organs()["part1"]
-    far = Solids([], {"p99_mm": 2 * TOLERANCE, "volume_ratio": 1.0}, ["99 % of the solid lie far off"])
+    surface, far = organs()["part1"], Solids([], {"p99_mm": 2 * TOLERANCE, "volume_ratio": 1.0}, ["far off"])
     found = better(far, surface, TOLERANCE)
     assert found.warnings == []
     assert found.bodies[0][0].mesh.volume == pytest.approx(surface.mesh.volume, rel=5e-3)
