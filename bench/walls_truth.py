@@ -23,6 +23,7 @@ from truth_measures import Target, bending, compare
 
 import cccd
 from cccd_walls.solids import build_together
+from cccd_walls.splines import fit_organs
 
 TABLE = Path(__file__).resolve().parents[1] / "docs" / "measured" / "walls_truth.csv"
 BODIES = ["kidney", "bronchi", "pial left"]
@@ -48,7 +49,8 @@ def measured(body: Body, ratio: float) -> dict[str, object]:
         near = compare(mesh, truth)
         found.append((near["assd_mm"], near["normals_median_deg"], bending(mesh), len(mesh.faces)))
     (assd, normals, bends, count), alone = found
-    ((shell,),) = build_together({"body": with_walls.lofted, "ball": other.lofted}, 0.2)["body"].bodies
+    both = {"body": with_walls.lofted, "ball": other.lofted}
+    ((shell,),) = build_together(both, fit_organs(both, 0.2), 0.2)["body"].bodies
     return {
         "body": body.name,
         "slices": f"{ratio:g}:1",

@@ -7,6 +7,7 @@ from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
 from cccd_labels.scene import name_organs
 from cccd_solids.build import write_organs
+from cccd_walls.files import read_spline
 from cccd_walls.solids import build_together
 from cccd_workflow.job import job
 
@@ -18,7 +19,7 @@ with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.
     }
     meshes = {name: surface.mesh for name, surface in surfaces.items()}
     colours = {organ.organ: organ.rgb for organ in name_organs(meshes, snakemake.params.labels)}
-    organs = build_together(surfaces, snakemake.params.tolerance_mm)
+    organs = build_together(surfaces, read_spline(snakemake.input.spline), snakemake.params.tolerance_mm)
     with atomic_path(Path(snakemake.output.scene)) as temporary:
         report = write_organs(temporary, organs, colours, snakemake.wildcards.scene_format)
     write_json(snakemake.output.report, report)

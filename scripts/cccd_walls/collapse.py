@@ -14,6 +14,7 @@ from scipy.sparse import coo_array, csr_array
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, ranks_of, unit_vectors
 from cccd.geometry.decimation import CHEAPEST, MOST_AROUND, PASSES, Quadrics, doubled
+from cccd.geometry.mesh import Mesh
 from cccd_walls.complexes import SEAM, WITHIN, WallComplex
 
 #: Least cosine between a triangle's normal and the mean of its own before and of those at its corners.
@@ -22,6 +23,8 @@ LEAST_COSINE = 0.3
 SLIVER = 1e-2
 #: Weight of edges' squared lengths beside squared distances: needles make needles of quads.
 EVENNESS = 1e-3
+#: Triangles that stand on walls along seams are so many times as high as these edges are long.
+SEAMS = 1.0
 
 
 def collapse_walls(walls: WallComplex, most: int, weights: FloatArray | None = None) -> WallComplex:
@@ -40,13 +43,31 @@ def collapse_walls(walls: WallComplex, most: int, weights: FloatArray | None = N
     WallComplex
         Of the same topology; its vertices on seams are some of those before.
     """
-    quadrics = Quadrics.of(walls.mesh, weights)
+    quadrics = _quadrics(walls, weights)
     while len(walls.triangles) > most:
         fewer, quadrics = _round(walls, quadrics, (len(walls.triangles) - most + 1) // 2)
         if len(fewer.triangles) == len(walls.triangles):
             break
         walls = fewer
     return walls
+
+
+def _quadrics(walls: WallComplex, weights: FloatArray | None) -> Quadrics:
+    """Squared distances to the planes of walls, and along seams to those that stand on these.
+
+    Without the latter a seam may go anywhere on walls that are one plane (Garland and Heckbert 1997).
+    """
+    face, side = np.nonzero(walls.edges.seam[walls.edges.side])
+    ends = walls.triangles[face[:, None], (side[:, None] + [0, 1]) % 3]
+    a, b = walls.vertices[ends.T]
+    length = np.linalg.norm(a - b, axis=1, keepdims=True)
+    tips = b + SEAMS * length * unit_vectors(walls.mesh.face_normals[face])
+    count = len(walls.vertices)
+    fences = np.column_stack([ends, count + np.arange(len(ends))])
+    both = Mesh(np.concatenate([walls.vertices, tips]), np.concatenate([walls.triangles, fences]))
+    weights = np.ones(count) if weights is None else weights
+    all_of_them = Quadrics.of(both, np.concatenate([weights, np.ones(len(tips))]))
+    return Quadrics(all_of_them.values[:count], all_of_them.areas[:count])
 
 
 @dataclass(frozen=True, eq=False)

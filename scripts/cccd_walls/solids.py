@@ -6,14 +6,14 @@ each organ's boundary apart, so that a wall between two organs is there twice. T
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, distinct
+from cccd.geometry.arrays import BoolArray, IntArray, connected_parts, distinct
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh, quad_edges
 from cccd.surface.surface import LoftedSurface
@@ -23,17 +23,21 @@ from cccd_solids.build import SAMPLED, Solids, build_solids
 from cccd_solids.kernel import Bound, PlanarFace, SplineFace, spline_shells
 from cccd_solids.spline_shell import SAMPLED as PATCH_SAMPLES
 from cccd_solids.spline_shell import SplineShell, grid_triangles, spline_shell_of
-from cccd_walls.complexes import WallComplex, split_fans
-from cccd_walls.splines import WallSpline, fit_walls
+from cccd_walls.complexes import split_fans
+from cccd_walls.splines import WallSpline
 
 
-def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> dict[str, Solids]:
+def build_together(
+    surfaces: Mapping[str, LoftedSurface], spline: WallSpline, tolerance: float
+) -> dict[str, Solids]:
     """Turn the organs of a case into solids; those that touch have common faces where they do.
 
     Parameters
     ----------
     surfaces : mapping of str to LoftedSurface
-        By organ, in mm RAS. Neighbours that share a wall have the same vertices and triangles there.
+        By organ, in mm RAS.
+    spline : WallSpline
+        Through the walls of those that touch; see `cccd_walls.splines.fit_organs`.
     tolerance : float
         99 % of the solids shall lie within so many mm of the meshes.
 
@@ -43,10 +47,8 @@ def build_together(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> d
         An organ with a spline of its own has that one's patches; see `cccd_solids.build.build_solids`. So
         has one whose common faces would be too far off: its report has no ``common_faces``.
     """
-    joint = [name for name, one in surfaces.items() if not one.bodies and one.mesh.is_closed_manifold]
-    shared = _share([surfaces[name] for name in joint], tolerance) if len(joint) > 1 else []
-    found = dict(zip(joint, shared, strict=False))
-    return {name: better(found.get(name), surface, tolerance) for name, surface in surfaces.items()}
+    shared = _share(surfaces, spline, tolerance) if spline.organs else {}
+    return {name: better(shared.get(name), surface, tolerance) for name, surface in surfaces.items()}
 
 
 def better(shared: Solids | None, surface: LoftedSurface, tolerance: float) -> Solids:
@@ -59,17 +61,14 @@ def better(shared: Solids | None, surface: LoftedSurface, tolerance: float) -> S
     return alone if shared is None or len(alone.warnings) < len(shared.warnings) else shared
 
 
-def _share(surfaces: Sequence[LoftedSurface], tolerance: float) -> list[Solids]:
-    """Make solids of organs whose meshes are joined along their walls."""
-    frame = surfaces[0].frame
-    walls = WallComplex.welded([surface.mesh for surface in surfaces], frame)
-    spline = fit_walls(walls.without_specks(float(frame.spacing.prod())), tolerance)
-    cover = Cover.of(spline, frame.plane_to_world(np.zeros(2)))
-    shells, solids = cover.shells(), list[Solids]()
-    for organ, surface in enumerate(surfaces, 1):
-        own = [shells[piece] for piece in cover.pieces_of(organ)]
+def _share(surfaces: Mapping[str, LoftedSurface], spline: WallSpline, tolerance: float) -> dict[str, Solids]:
+    """Make solids of organs that a spline through their walls joins."""
+    cover = Cover.of(spline)
+    shells, solids = cover.shells(), dict[str, Solids]()
+    for number, organ in enumerate(spline.organs, 1):
+        own = [shells[piece] for piece in cover.pieces_of(number)]
         bodies = [[own[n] for n in body] for body in nest_pieces([shell.mesh for shell in own])]
-        solids.append(Solids.of(bodies, surface.mesh, tolerance, common_faces=True))
+        solids[organ] = Solids.of(bodies, surfaces[organ].mesh, tolerance, common_faces=True)
     return solids
 
 
@@ -120,8 +119,8 @@ class Cover:
     organ: IntArray
 
     @classmethod
-    def of(cls, spline: WallSpline, to_world: FloatArray) -> Cover:
-        """Cover the walls of a spline, and move them by an affine (4, 4)."""
+    def of(cls, spline: WallSpline) -> Cover:
+        """Cover the walls of a spline."""
         control, regions = spline.control, spline.regions[spline.wall]
         second = np.flatnonzero(regions[:, 1] > 0)
         quad = np.concatenate([np.arange(len(regions)), second])
@@ -142,7 +141,7 @@ class Cover:
             edges[creased],
             np.full(int(creased.sum()), control.sharpness.max(initial=0.0)),
             np.flatnonzero(np.isin(vertex, control.corners)),
-        ).transformed(to_world)
+        )
         return cls(spline_shell_of(mesh, SplineShell.exactly), vertex, quad, forward, organ)
 
     @cached_property

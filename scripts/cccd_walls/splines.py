@@ -7,7 +7,9 @@ of the complex, by plain least squares as where an organ is alone (`cccd.surface
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from operator import itemgetter
 
 import numpy as np
 from scipy.sparse import coo_array, csr_array, diags_array, eye_array
@@ -21,6 +23,7 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.surface.spline_fit import ROUNDS, SAMPLED, SplineFit, Target, neighbour_means
+from cccd.surface.surface import LoftedSurface
 from cccd_walls.collapse import collapse_walls
 from cccd_walls.complexes import CORNER, WITHIN, WallComplex
 
@@ -29,11 +32,13 @@ COARSEST, COARSER = 100, 4
 #: Triangles that are chosen from: so many times those that are left.
 SPARE = 8
 #: Rounds in which triangles become as many as the spline is times too far off there.
-REFINEMENTS = 4
+REFINEMENTS = 3
 #: Where the spline passes through itself a triangle becomes so many.
 AMISS_SPLIT = 4.0
-#: Share of the tolerance that is asked of all walls together: no organ shall be far above it.
+#: Share of the tolerance that is asked of what is made finer: of the next spline half is nearer still.
 NEARER = 0.4
+#: An organ is near where at most this share of it is farther off than the tolerance.
+FAR = 0.01
 #: Of walls' distances 99 % are below so many times their root mean square, about.
 TAIL = 2.6
 #: Weight of even control points along a seam beside near ones.
@@ -52,19 +57,48 @@ class WallSpline:
     Attributes
     ----------
     control : ControlMesh
-        In the slices' plane and height, mm.
+        In mm, as the walls that it is fitted to.
     wall : (Q,) int64
         Of each quad.
     regions : (W, 2) int64
         As of `WallComplex`.
     crossing : int
         Pairs of triangles of it that pass through each other.
+    organs : sequence of str
+        Names of the regions from 1.
     """
 
     control: ControlMesh
     wall: IntArray
     regions: IntArray
     crossing: int
+    organs: Sequence[str] = ()
+
+
+def fit_organs(surfaces: Mapping[str, LoftedSurface], tolerance: float) -> WallSpline:
+    """Fit a spline to the walls of those organs of a case that have a mesh and no spline.
+
+    Parameters
+    ----------
+    surfaces : mapping of str to LoftedSurface
+        By organ, in mm RAS. Neighbours that share a wall have the same vertices and triangles there.
+    tolerance : float
+        See `fit_walls`.
+
+    Returns
+    -------
+    WallSpline
+        In mm RAS; without a wall where there are not two such organs.
+    """
+    joint = [name for name, one in surfaces.items() if not one.bodies and one.mesh.is_closed_manifold]
+    if len(joint) < 2:
+        none = np.zeros(0, np.int64)
+        return WallSpline(ControlMesh(np.zeros((0, 3)), none.reshape(-1, 4)), none, none.reshape(-1, 2), 0)
+    frame = surfaces[joint[0]].frame
+    walls = WallComplex.welded([surfaces[name].mesh for name in joint], frame)
+    spline = fit_walls(walls.without_specks(float(frame.spacing.prod())), tolerance)
+    control = spline.control.transformed(frame.plane_to_world(np.zeros(2)))
+    return replace(spline, control=control, organs=joint)
 
 
 def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
@@ -79,41 +113,40 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
     Returns
     -------
     WallSpline
-        As near as a quarter of the triangles allows, each of them three quads or two.
+        Of triangles that became three quads or two each, at most a quarter of the walls'.
     """
     target, size = _split(walls, tolerance), len(walls.triangles)
     most = max(size // COARSEST, 1)
     fine = collapse_walls(walls, SPARE * most)
     weights = np.ones(len(fine.vertices))
-    best: tuple[WallFit, IntArray] | None = None
+    found = list[tuple[int, int, WallFit]]()
     for attempt in range(1 + REFINEMENTS):
         coarse = collapse_walls(fine, most, weights)
         fit = _fitted(coarse, walls, target)
         times = _too_coarse(fit, coarse, tolerance)
-        if times.max() == 1 or attempt >= REFINEMENTS - 1 or most > size // COARSER:
-            crossing = fit.untangle()
-            if best is None or len(crossing) < len(best[1]):
-                best = fit, crossing
-            if not len(crossing) or attempt == REFINEMENTS:
+        if times.max() == 1 or attempt >= REFINEMENTS - 1:
+            crossing = len(fit.untangle())
+            far = int(np.count_nonzero(fit.far_walls(walls.regions, tolerance)))
+            found.append((far, crossing, fit))
+            if not far + crossing:
                 break
         most = min(round(float(times.sum())), size // COARSER + 1)
         if SPARE * most > len(fine.triangles):
             before, fine = fine, collapse_walls(walls, SPARE * most)
             weights = weights[cKDTree(before.vertices).query(fine.vertices)[1]]
         weigh_more(weights, fine.mesh, coarse.mesh, times)
-    assert best is not None
-    return WallSpline(best[0].spline, best[0].walls_of_quads, walls.regions, len(best[1]))
+    _, crossing, fit = min(found, key=itemgetter(0, 1))
+    return WallSpline(fit.spline, fit.walls_of_quads, walls.regions, crossing)
 
 
 def _too_coarse(fit: WallFit, coarse: WallComplex, tolerance: float) -> FloatArray:
-    """How many triangles each triangle (T,) shall become; all 1 where 99 % are within the tolerance."""
+    """How many triangles each triangle (T,) shall become; all 1 where each organ is near and none crosses."""
     places, off = fit.off()
     shape, count = coarse.mesh, len(coarse.triangles)
-    times = np.ones(count)
-    if np.percentile(off, 99) > NEARER * tolerance:
-        near = nearest_faces(places, shape)
-        mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
-        times = np.clip(TAIL * np.sqrt(mean) / (NEARER * tolerance), 1.0, COARSEST / COARSER)
+    near = nearest_faces(places, shape)
+    mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
+    times = np.clip(TAIL * np.sqrt(mean) / (NEARER * tolerance), 1.0, COARSEST / COARSER)
+    times[~fit.far_walls(coarse.regions, tolerance)[coarse.wall]] = 1.0
     drawn = fit.spline.tessellate(1)
     crossing = drawn.self_intersections()
     there = np.zeros(count, np.bool_)
@@ -164,6 +197,8 @@ class WallFit(SplineFit):
 
     #: More evening out would take thin walls far from where they are.
     rounds = (6, 8, 12)
+    #: As finely as patches of solids are looked at.
+    drawn = 2
 
     def __init__(
         self, control: ControlMesh, wall: IntArray, seams: tuple[IntArray, FloatArray], target: WallTarget
@@ -197,6 +232,16 @@ class WallFit(SplineFit):
         samples, goals = self._seams
         off[samples] = np.linalg.norm(places[samples] - goals, axis=1)
         return places, off
+
+    def far_walls(self, regions: IntArray, tolerance: float) -> BoolArray:
+        """Which walls (W,), of regions (W, 2), are of an organ that is not near."""
+        samples, off = self.off()
+        area = Mesh(samples, self.triangles).vertex_areas
+        organs = regions[self._wall]
+        whole, far = (
+            np.bincount(organs.ravel(), np.repeat(part, 2)) for part in (area, area * (off > tolerance))
+        )
+        return np.any((far > FAR * whole)[regions] & (regions > 0), axis=1)
 
     def _away(self, samples: FloatArray, normals: FloatArray) -> tuple[FloatArray, BoolArray]:
         assert isinstance(self.target, WallTarget)

@@ -188,11 +188,36 @@ rule fill_case:
         "../../scripts/fill_case.py"
 
 
+rule fit_walls:
+    """One spline through the walls of a case's organs that touch."""
+    input:
+        surfaces=plan.whole_case("surface.h5"),
+        meshes=plan.whole_case("surface.ply"),
+    output:
+        "results/{case}/wall_splines.h5",
+    log:
+        "logs/{case}/fit_walls.log",
+    benchmark:
+        "benchmarks/{case}/fit_walls.tsv"
+    conda:
+        "../../envs/cccd.yaml"
+    threads: 1
+    resources:
+        mem_mb=memory(2500, 60),
+        runtime=minutes(60),
+    params:
+        library=library("fit_walls"),
+        tolerance_mm=config["surface"]["step_tolerance_mm"],
+    script:
+        "../../scripts/fit_walls.py"
+
+
 rule export_scene:
     """All organs of a case as solids in one file for CAD, by name and colour, and what they are worth."""
     input:
         surfaces=plan.whole_case("surface.h5"),
         meshes=plan.whole_case("surface.ply"),
+        spline="results/{case}/wall_splines.h5",
     output:
         scene="results/{case}/scene.{scene_format}",
         report="results/{case}/scene_{scene_format}.json",

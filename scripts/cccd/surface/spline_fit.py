@@ -88,6 +88,8 @@ class SplineFit:
     """
 
     rounds = UNTANGLING_ROUNDS
+    #: Subdivisions at which it is looked at for crossings; by default those with which it is written.
+    drawn: int | None = None
 
     def __init__(self, wall: ControlMesh, target: Target) -> None:
         self.wall, self.target = wall, target
@@ -164,7 +166,7 @@ class SplineFit:
         (K, 2) int64
             Pairs of its triangles that still pass through each other.
         """
-        sampler = self.wall.sampler()
+        sampler = self.wall.sampler(self.drawn)
         triangles = MovingTriangles(sampler.triangles)
 
         def pairs_of(points: FloatArray) -> IntArray:
@@ -173,7 +175,6 @@ class SplineFit:
         fewest = pairs_of(self.points)
         for way, rounds in zip((BACK, EVENING_OUT, UNFOLDING), self.rounds, strict=True):
             points, pairs, waited = self.points, fewest, 0
-            moving = np.zeros(len(points), np.bool_)
             for _ in range(rounds):
                 if not len(pairs) or waited == PATIENCE:
                     break
@@ -183,7 +184,7 @@ class SplineFit:
                     facing = _evened_normals(Mesh(sampler.matrix @ points, sampler.triangles))
                     points = unfold(points, sampler, beside & ~self.rim[: len(points)], facing)
                 else:
-                    moving |= near if way == BACK else beside
+                    moving = near if way == BACK else beside
                     target = self.wall.vertices if way == BACK else self.neighbours @ points
                     points = np.where(moving[:, None], (points + target) / 2, points)
                 pairs, waited = pairs_of(points), waited + 1

@@ -17,8 +17,9 @@ from cccd_labels.surface_nets import surface_nets, well_composed
 from cccd_solids.build import Solids
 from cccd_walls.collapse import collapse_walls
 from cccd_walls.complexes import CORNER, SEAM, WITHIN, Edges, WallComplex, split_fans
+from cccd_walls.files import read_spline, write_spline
 from cccd_walls.solids import better, build_together
-from cccd_walls.splines import fit_walls
+from cccd_walls.splines import fit_organs, fit_walls
 
 RADIUS = 11.0
 TOLERANCE = 0.2
@@ -125,13 +126,33 @@ def test_the_spline_lies_on_the_walls_and_neighbours_share_their_seams(cut):
     assert (uses.min(), uses.max()) == (2, 3)
 
 
+def test_a_spline_comes_back_from_its_file(tmp_path):
+    spline, frame = fit_organs(organs(), TOLERANCE), organs()["part1"].frame
+    write_spline(tmp_path / "wall_splines.h5", spline, frame, {})
+    back = read_spline(tmp_path / "wall_splines.h5")
+    assert (back.organs, back.crossing) == (spline.organs, spline.crossing)
+    assert np.array_equal(back.regions, spline.regions)
+    for wall in range(len(spline.regions)):
+        assert np.array_equal(*(one.control.quads[one.wall == wall] for one in (back, spline)))
+    for name in ("vertices", "creases", "sharpness", "corners"):
+        assert np.array_equal(getattr(back.control, name), getattr(spline.control, name))
+
+
+def test_organs_with_splines_of_their_own_have_no_spline_together(tmp_path):
+    surface = organs()["part1"]
+    spline = fit_organs({"alone": surface}, TOLERANCE)
+    write_spline(tmp_path / "wall_splines.h5", spline, surface.frame, {})
+    back = read_spline(tmp_path / "wall_splines.h5")
+    assert (len(back.control.quads), back.organs) == (0, [])
+
+
 @pytest.mark.parametrize("cut", [0, 10])
 def test_solids_of_neighbours_have_the_same_faces(cut):
     top, kinds = pytest.importorskip("OCP.TopExp"), pytest.importorskip("OCP.TopAbs")
     from cccd_solids.kernel import check_solid, make_solid
 
     surfaces = organs(cut)
-    solids = build_together(surfaces, TOLERANCE)
+    solids = build_together(surfaces, fit_organs(surfaces, TOLERANCE), TOLERANCE)
     assert all(found.warnings == [] for found in solids.values())
     assert all(found.report["common_faces"] for found in solids.values())
     assert all(found.report["planar_faces"] == (cut > 0) for found in solids.values())
