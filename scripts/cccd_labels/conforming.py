@@ -78,10 +78,13 @@ class ConformingSurface:
     @cached_property
     def edges(self) -> tuple[IntArray, IntArray]:
         """Edges (E, 2), the smaller vertex first, and how many triangles (E,) meet along each."""
-        start, end = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
-        key = np.minimum(start, end) * len(self.vertices) + np.maximum(start, end)
-        key, count = np.unique(key, return_counts=True)
-        return np.column_stack(np.divmod(key, len(self.vertices))), count
+        count, key = len(self.vertices), np.empty(self.triangles.size, np.int64)
+        for side, into in enumerate(np.split(key, 3)):
+            start, end = self.triangles[:, side], self.triangles[:, side - 2]
+            np.add(np.minimum(start, end) * count, np.maximum(start, end), out=into)
+        key.sort()
+        first = np.flatnonzero(np.diff(key, prepend=-1))
+        return np.column_stack(np.divmod(key[first], count)), np.diff(first, append=len(key))
 
     @property
     def junctions(self) -> IntArray:
@@ -165,10 +168,11 @@ def _means_along(surface: ConformingSurface) -> csr_array:
     count = len(surface.vertices)
     edges, lines = (pairs.astype(np.int32) for pairs in (surface.edges[0], surface.junctions))
     on_line = np.bincount(lines.ravel(), minlength=count)
-    within = np.concatenate([edges, edges[:, ::-1]])
-    along = np.concatenate([lines, lines[:, ::-1]])
-    links = np.concatenate([within[on_line[within[:, 0]] == 0], along[on_line[along[:, 0]] > 1]])
-    degree = np.bincount(links[:, 0], minlength=count)
+    links = [pairs[on_line[pairs[:, 0]] == 0] for pairs in (edges, edges[:, ::-1])]
+    links += [pairs[on_line[pairs[:, 0]] > 1] for pairs in (lines, lines[:, ::-1])]
+    del edges
+    rows, columns = np.concatenate(links).T
+    degree = np.bincount(rows, minlength=count)
     share = np.where(on_line > 1, 0.5, 1.0) / np.maximum(degree, 1)
-    means = csr_array((share[links[:, 0]], (links[:, 0], links[:, 1])), shape=(count, count))
+    means = csr_array((share[rows], (rows, columns)), shape=(count, count))
     return csr_array(means + diags_array(np.where(degree == 0, 1.0, np.where(on_line > 1, 0.5, 0.0))))
