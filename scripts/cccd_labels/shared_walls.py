@@ -260,7 +260,7 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     walls = split_again(replace(rough, vertices=smooth), quads)
     of_organs = ~np.isin(walls.regions, [0, fields.beyond]).all(axis=1)
     walls = replace(walls, triangles=walls.triangles[of_organs], regions=walls.regions[of_organs])
-    del rough, at_end
+    del rough, at_end, means, quads
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
     vertices, pairs = _unfolded(

@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15695,
+    "scripts/cccd": 15697,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1758,
