@@ -300,8 +300,7 @@ def _at_end(rough: ConformingSurface, fields: LabelFields) -> FloatArray:
     """Heights (V,) of the planes at which the scan ends, for vertices that lie on them; else not a number."""
     cap = (rough.regions.max(axis=1) == fields.beyond) & (rough.regions.min(axis=1) > 0)
     heights, on_cap = np.full(len(rough.vertices), np.nan), np.unique(rough.triangles[cap])
-    ends = fields.frame.ends
-    heights[on_cap] = np.where(rough.vertices[on_cap, 2] < sum(ends) / 2, *ends)
+    heights[on_cap] = np.where(rough.vertices[on_cap, 2] < sum(fields.frame.ends) / 2, *fields.frame.ends)
     return heights
 
 

@@ -149,6 +149,11 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     (Q, 4) int64
         The quadrilaterals.
     """
+    return _meshed(*_quads_across(labels, cut))
+
+
+def _quads_across(labels: LabelArray, cut: Cut) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Find what `_meshed` takes: a quadrilateral across each edge of the grid that leaves a label."""
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
@@ -181,8 +186,7 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         across.append(np.column_stack([at + sum(map(len, quads)), side, middle[at, side]]))
         quads.append(np.where(falls, quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    every, more = np.concatenate(quads), np.concatenate(across)
-    return _meshed(every, more, np.concatenate(regions), np.concatenate(cuts))
+    return np.concatenate(quads), np.concatenate(across), np.concatenate(regions), np.concatenate(cuts)
 
 
 def _meshed(
@@ -199,6 +203,7 @@ def _meshed(
     vertex = np.concatenate([quads.ravel(), extra, centre])
     vertices = _mean_at(vertex, cuts, of)
     nearer = vertices + _mean_at(vertex, cuts - sum(vertices[corner] for corner in quads.T) / 4, of)
+    del of, vertex
     rim = np.repeat(quads[polygon], 2, axis=1)
     rim[which, 2 * side + 1] = extra
     fans = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(centre[:, None], 8, axis=1)], axis=2)
