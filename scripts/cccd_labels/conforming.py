@@ -78,16 +78,17 @@ class ConformingSurface:
     @cached_property
     def edges(self) -> tuple[IntArray, IntArray]:
         """Edges (E, 2), the smaller vertex first, and how many triangles (E,) meet along each."""
-        start, end = self.triangles.ravel(), np.roll(self.triangles, -1, axis=1).ravel()
-        key = np.minimum(start, end) * len(self.vertices) + np.maximum(start, end)
-        key, count = np.unique(key, return_counts=True)
-        return np.column_stack(np.divmod(key, len(self.vertices))), count
+        a, b, c = self.triangles.T
+        sides, count = ((a, b), (b, c), (c, a)), len(self.vertices)
+        key = np.concatenate([np.minimum(p, q) * count + np.maximum(p, q) for p, q in sides])
+        key.sort()
+        first = np.flatnonzero(np.diff(key, prepend=-1))
+        return np.column_stack(np.divmod(key[first], count)), np.diff(first, append=len(key))
 
     @property
     def junctions(self) -> IntArray:
         """Edges (E, 2) along which three walls meet, or more."""
-        edges, count = self.edges
-        return edges[count > 2]
+        return self.edges[0][self.edges[1] > 2]
 
 
 def write_conforming(path: str | Path, surface: ConformingSurface, report: Mapping[str, Any]) -> None:
@@ -126,8 +127,8 @@ def low_passed(surface: ConformingSurface, wave: float, degree: int) -> FloatArr
     :math:`(\pi h / w)^2` on both. Nothing is asked across a line, so walls meet there at any angle.
     """
     means = _means_along(surface)
-    ends = surface.vertices[surface.edges[0]]
-    square = float(((ends[:, 0] - ends[:, 1]) ** 2).sum(axis=1).mean())
+    start, end = surface.edges[0].T
+    square = float(np.mean(sum((along[start] - along[end]) ** 2 for along in surface.vertices.T)))
     band = min(np.pi**2 * square / max(wave, 1e-9) ** 2, WIDEST_BAND)
     middle = surface.vertices.mean(axis=0)
     before, now = surface.vertices - middle, surface.vertices - middle
@@ -165,10 +166,10 @@ def _means_along(surface: ConformingSurface) -> csr_array:
     count = len(surface.vertices)
     edges, lines = (pairs.astype(np.int32) for pairs in (surface.edges[0], surface.junctions))
     on_line = np.bincount(lines.ravel(), minlength=count)
-    within = np.concatenate([edges, edges[:, ::-1]])
-    along = np.concatenate([lines, lines[:, ::-1]])
-    links = np.concatenate([within[on_line[within[:, 0]] == 0], along[on_line[along[:, 0]] > 1]])
-    degree = np.bincount(links[:, 0], minlength=count)
-    share = np.where(on_line > 1, 0.5, 1.0) / np.maximum(degree, 1)
-    means = csr_array((share[links[:, 0]], (links[:, 0], links[:, 1])), shape=(count, count))
-    return csr_array(means + diags_array(np.where(degree == 0, 1.0, np.where(on_line > 1, 0.5, 0.0))))
+    links = [pairs[on_line[pairs[:, 0]] == 0] for pairs in (edges, edges[:, ::-1])]
+    links += [pairs[on_line[pairs[:, 0]] > 1] for pairs in (lines, lines[:, ::-1])]
+    rows, columns = np.concatenate(links).T
+    degree = np.bincount(rows, minlength=count)
+    own = np.where(degree == 0, 1.0, np.where(on_line > 1, 0.5, 0.0))
+    share = (1 - own) / np.maximum(degree, 1)
+    return csr_array(csr_array((share[rows], (rows, columns)), shape=(count, count)) + diags_array(own))

@@ -260,7 +260,7 @@ def meet(fields: LabelFields, labels: Sequence[int], settings: LoftSettings) -> 
     walls = split_again(replace(rough, vertices=smooth), quads)
     of_organs = ~np.isin(walls.regions, [0, fields.beyond]).all(axis=1)
     walls = replace(walls, triangles=walls.triangles[of_organs], regions=walls.regions[of_organs])
-    del rough, at_end
+    del rough, at_end, means, quads
     walls = _with_ends(simplified(walls, TOLERANCE * pixel), fields.beyond, frame.ends)
     vertices = _with_volumes(walls, fields.volumes, frame.ends, MOST_OFFSET * pixel)
     vertices, pairs = _unfolded(
@@ -300,8 +300,7 @@ def _at_end(rough: ConformingSurface, fields: LabelFields) -> FloatArray:
     """Heights (V,) of the planes at which the scan ends, for vertices that lie on them; else not a number."""
     cap = (rough.regions.max(axis=1) == fields.beyond) & (rough.regions.min(axis=1) > 0)
     heights, on_cap = np.full(len(rough.vertices), np.nan), np.unique(rough.triangles[cap])
-    ends = fields.frame.ends
-    heights[on_cap] = np.where(rough.vertices[on_cap, 2] < sum(ends) / 2, *ends)
+    heights[on_cap] = np.where(rough.vertices[on_cap, 2] < sum(fields.frame.ends) / 2, *fields.frame.ends)
     return heights
 
 

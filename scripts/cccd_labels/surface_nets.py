@@ -149,6 +149,11 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
     (Q, 4) int64
         The quadrilaterals.
     """
+    return _meshed(*_quads_across(labels, cut))
+
+
+def _quads_across(labels: LabelArray, cut: Cut) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Find what `_meshed` takes: a quadrilateral across each edge of the grid that leaves a label."""
     cells = np.argwhere(_mixed(labels))
     shape = tuple(size - 1 for size in labels.shape)
     keys = np.ravel_multi_index(tuple(cells.T), shape)  # ascending
@@ -181,8 +186,7 @@ def surface_nets(labels: LabelArray, cut: Cut) -> tuple[ConformingSurface, Float
         across.append(np.column_stack([at + sum(map(len, quads)), side, middle[at, side]]))
         quads.append(np.where(falls, quad, quad[:, ::-1]))
         regions.append(np.column_stack([np.maximum(low, high), np.minimum(low, high)]).astype(np.int64))
-    every, more = np.concatenate(quads), np.concatenate(across)
-    return _meshed(every, more, np.concatenate(regions), np.concatenate(cuts))
+    return np.concatenate(quads), np.concatenate(across), np.concatenate(regions), np.concatenate(cuts)
 
 
 def _meshed(
@@ -198,7 +202,8 @@ def _meshed(
     of = np.concatenate([np.repeat(np.arange(len(quads)), 4), large, polygon])
     vertex = np.concatenate([quads.ravel(), extra, centre])
     vertices = _mean_at(vertex, cuts, of)
-    nearer = vertices + _mean_at(vertex, cuts - vertices[quads].mean(axis=1), of)
+    nearer = vertices + _mean_at(vertex, cuts - sum(vertices[corner] for corner in quads.T) / 4, of)
+    del of, vertex
     rim = np.repeat(quads[polygon], 2, axis=1)
     rim[which, 2 * side + 1] = extra
     fans = np.stack([rim, np.roll(rim, -1, axis=1), np.repeat(centre[:, None], 8, axis=1)], axis=2)
@@ -293,8 +298,8 @@ def _joined_across(
 
 def split_quads(vertices: FloatArray, quads: IntArray) -> IntArray:
     """Triangles (2 Q, 3) of quadrilaterals (Q, 4), split along their shorter diagonals."""
-    a, b, c, d = (vertices[quads[:, corner]] for corner in range(4))
-    return _halves(quads, np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1))
+    ac, bd = (np.linalg.norm(vertices[quads[:, n]] - vertices[quads[:, n + 2]], axis=1) for n in (0, 1))
+    return _halves(quads, ac <= bd)
 
 
 def split_again(surface: ConformingSurface, quads: IntArray) -> ConformingSurface:
@@ -325,6 +330,5 @@ def _turned_less(vertices: FloatArray, quads: IntArray) -> IntArray:
 
 def _halves(quads: IntArray, at_first: BoolArray) -> IntArray:
     """Triangles (2 Q, 3) of quadrilaterals, split from the first corner or from the second."""
-    first = np.where(at_first[:, None], quads[:, [0, 1, 2]], quads[:, [0, 1, 3]])
-    second = np.where(at_first[:, None], quads[:, [0, 2, 3]], quads[:, [1, 2, 3]])
-    return np.stack([first, second], axis=1).reshape(-1, 3)
+    a, b, c, d = quads.T
+    return np.column_stack([a, b, np.where(at_first, c, d), np.where(at_first, a, b), c, d]).reshape(-1, 3)

@@ -79,11 +79,10 @@ def _pieces(surface: ConformingSurface, faces: IntArray) -> list[tuple[IntArray,
 
 def _of_several(surface: ConformingSurface, patch: IntArray) -> BoolArray:
     """Whether vertices (V,) are of several patches."""
-    count = len(surface.vertices)
-    low, high = np.full(count, len(patch)), np.full(count, -1)
-    np.minimum.at(low, surface.triangles, patch[:, None])
-    np.maximum.at(high, surface.triangles, patch[:, None])
-    return low < high
+    last, several = np.zeros(len(surface.vertices), np.int64), np.zeros(len(surface.vertices), np.bool_)
+    last[surface.triangles] = patch[:, None]
+    several[surface.triangles[last[surface.triangles] != patch[:, None]]] = True
+    return several
 
 
 def _collapsed(before: Mesh, near: float, tolerance: float) -> tuple[Mesh, IntArray | None]:
@@ -136,12 +135,9 @@ def _leaves(node: Any) -> list[IntArray]:
 
 def _outline(mesh: Mesh) -> tuple[tuple[int, int, int], IntArray]:
     """Euler number, edges of the border and those (K, 2) with more than two triangles; and their number."""
-    start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
-    key = np.minimum(start, end) * len(mesh.vertices) + np.maximum(start, end)
-    key, uses = np.unique(key, return_counts=True)
+    edges, uses = ConformingSurface(mesh.vertices, mesh.faces, mesh.faces).edges
     euler = len(mesh.vertices) - len(uses) + len(mesh.faces)
-    torn = np.column_stack(np.divmod(key[uses > 2], len(mesh.vertices)))
-    return (euler, int((uses == 1).sum()), len(torn)), torn
+    return (euler, int((uses == 1).sum()), int((uses > 2).sum())), edges[uses > 2]
 
 
 def _joined(

@@ -14,14 +14,14 @@ from functools import cached_property
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, distinct, offsets_of
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts, distinct, offsets_of, unit_vectors
+from cccd.geometry.decimation import Collapsing, Seams, quadrics_of
 from cccd.geometry.mesh import Mesh
-from cccd.surface.control_mesh import caps_of
+from cccd.geometry.subdivision import quad_edges
+from cccd.surface.control_mesh import EVENNESS, caps_of
 
 #: mm: vertices so near to where the scan ends lie there; files have them in single precision.
 SAME_PLANE = 1e-3
-#: What a vertex lies on.
-WITHIN, SEAM, CORNER = 0, 1, 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class WallComplex:
     >>> upper = np.array([(0, 1, 3), (1, 2, 3), (0, 3, 2), (0, 2, 1)])
     >>> lower = np.array([(0, 1, 2), (0, 2, 4), (0, 4, 1), (1, 4, 2)])
     >>> both = WallComplex.welded([Mesh(points, upper).compact(), Mesh(points, lower).compact()])
-    >>> len(both.triangles), both.regions.tolist(), np.bincount(both.kinds).tolist()
+    >>> len(both.triangles), both.regions.tolist(), np.bincount(both.seams.kinds).tolist()
     (7, [[1, 0], [1, 2], [2, 0]], [2, 3])
     """
 
@@ -93,25 +93,41 @@ class WallComplex:
         used, triangles = distinct(self.triangles[kept])
         return WallComplex(self.vertices[used], triangles, self.wall[kept], self.regions)
 
+    def collapsed(self, most: int, weights: FloatArray | None = None) -> WallComplex:
+        """Collapse edges, cheapest first, to at most so many triangles, or what keeps the topology.
+
+        Edges cost as many times more as ``weights`` (V,) say. Vertices of seams are some of those before.
+        """
+        collapsing = Collapsing.of(self.mesh, self.wall, weights)
+        collapsing.quadrics += self._beside_seams(weights)
+        collapsing.collapse(most, EVENNESS)
+        return WallComplex(collapsing.points, collapsing.faces, collapsing.part, self.regions)
+
+    def _beside_seams(self, weights: FloatArray | None) -> FloatArray:
+        """Quadrics (V, 11) of triangles that stand on the walls along seams, without their areas.
+
+        Without these a seam may go anywhere on walls that are one plane (Garland and Heckbert 1997).
+        """
+        count, ends = len(self.vertices), self.seams.ends
+        edges, side = quad_edges(self.triangles)
+        face, corner = np.nonzero(np.isin(edges @ [count, 1], ends @ [count, 1])[side])
+        a, b = self.triangles[face, corner], self.triangles[face, (corner + 1) % 3]
+        length = np.linalg.norm(self.vertices[a] - self.vertices[b], axis=1, keepdims=True)
+        tips = self.vertices[b] + length * unit_vectors(self.mesh.face_normals[face])
+        upright = np.column_stack([a, b, count + np.arange(len(a))])
+        found = quadrics_of(Mesh(np.concatenate([self.vertices, tips]), upright), None)[:count]
+        found[:, 10] = 0
+        return found if weights is None else found * weights[:, None]
+
     @cached_property
-    def edges(self) -> Edges:
-        """Its edges."""
-        return Edges.of(self.triangles, self.wall)
+    def seams(self) -> Seams:
+        """Where its walls end."""
+        return Seams.of(self.triangles, self.wall, len(self.vertices))
 
     @property
     def mesh(self) -> Mesh:
         """Its triangles."""
         return Mesh(self.vertices, self.triangles)
-
-    @cached_property
-    def kinds(self) -> IntArray:
-        """What each vertex (V,) lies on: `WITHIN` a wall, on a `SEAM`, or where seams end (`CORNER`)."""
-        edges, count = self.edges, len(self.vertices)
-        seams = edges.ends[edges.seam]
-        number = np.bincount(seams.ravel(), minlength=count)
-        uses = np.bincount(seams.ravel(), np.repeat(edges.uses[edges.seam], 2), count)
-        goes_on = np.bincount(seams.ravel(), np.repeat(edges.uses[edges.seam] ** 2, 2), count) * 2 == uses**2
-        return np.where(number == 0, WITHIN, np.where((number == 2) & goes_on, SEAM, CORNER))
 
     @cached_property
     def apart(self) -> tuple[Mesh, IntArray, IntArray]:
@@ -134,41 +150,15 @@ def _in_plane(mesh: Mesh, frame: Frame | None) -> tuple[Mesh, IntArray]:
     return flat, caps_of(flat, frame.ends)
 
 
-@dataclass(frozen=True, eq=False)
-class Edges:
-    """Edges of polygons: their ends (E, 2), the lower one first, uses (E,), and which of them are seams (E,).
-
-    ``side`` (F, n) is the edge of each polygon from a corner to the next.
-    """
-
-    ends: IntArray
-    side: IntArray
-    uses: IntArray
-    seam: BoolArray
-
-    @classmethod
-    def of(cls, faces: IntArray, wall: IntArray) -> Edges:
-        """Find the edges of polygons (F, n) of walls (F,)."""
-        start, end, count = faces, np.roll(faces, -1, axis=1), int(faces.max(initial=0)) + 1
-        keys, side, uses = np.unique(
-            np.minimum(start, end) * count + np.maximum(start, end), return_inverse=True, return_counts=True
-        )
-        side = side.reshape(faces.shape)
-        low, high = np.full(len(keys), len(faces)), np.full(len(keys), -1)
-        np.minimum.at(low, side, wall[:, None])
-        np.maximum.at(high, side, wall[:, None])
-        return cls(np.column_stack(np.divmod(keys, count)), side, uses, (uses != 2) | (low != high))
-
-
 def split_fans(faces: IntArray) -> tuple[IntArray, IntArray]:
     """Give polygons (F, n) that meet at a vertex alone, without a common edge there, vertices of their own.
 
     Returns the polygons (F, n), and the vertex (V,) that each new one was.
     """
-    edges = Edges.of(faces, np.zeros(len(faces), np.int64))
-    before = np.roll(edges.side, 1, axis=1)
-    at_end, at_start = (2 * edge + (edges.ends[edge, 1] == faces) for edge in (edges.side, before))
-    fan = connected_parts(at_end.ravel(), at_start.ravel(), 2 * len(edges.ends))
+    edges, side = quad_edges(faces)
+    before = np.roll(side, 1, axis=1)
+    at_end, at_start = (2 * edge + (edges[edge, 1] == faces) for edge in (side, before))
+    fan = connected_parts(at_end.ravel(), at_start.ravel(), 2 * len(edges))
     found, corners = distinct(fan[at_end])
     vertex = np.empty(len(found), np.int64)
     vertex[corners] = faces

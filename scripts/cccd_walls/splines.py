@@ -17,15 +17,14 @@ from scipy.sparse.linalg import splu
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
-from cccd.geometry.decimation import weigh_more
+from cccd.geometry.decimation import CORNER, WITHIN, weigh_more
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.surface.spline_fit import ROUNDS, SAMPLED, SplineFit, Target, neighbour_means
 from cccd.surface.surface import LoftedSurface
-from cccd_walls.collapse import collapse_walls
-from cccd_walls.complexes import CORNER, WITHIN, WallComplex
+from cccd_walls.complexes import WallComplex
 
 #: The first spline has one triangle for so many of the complex, and the last at most one for so many.
 COARSEST, COARSER = 100, 4
@@ -117,11 +116,11 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
     """
     target, size = _split(walls, tolerance), len(walls.triangles)
     most = max(size // COARSEST, 1)
-    fine = collapse_walls(walls, SPARE * most)
+    fine = walls.collapsed(SPARE * most)
     weights = np.ones(len(fine.vertices))
     found = list[tuple[int, int, WallFit]]()
     for attempt in range(1 + REFINEMENTS):
-        coarse = collapse_walls(fine, most, weights)
+        coarse = fine.collapsed(most, weights)
         fit = _fitted(coarse, walls, target)
         times = _too_coarse(fit, coarse, tolerance)
         if times.max() == 1 or attempt >= REFINEMENTS - 1:
@@ -132,7 +131,7 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
                 break
         most = min(round(float(times.sum())), size // COARSER + 1)
         if SPARE * most > len(fine.triangles):
-            before, fine = fine, collapse_walls(walls, SPARE * most)
+            before, fine = fine, walls.collapsed(SPARE * most)
             weights = weights[cKDTree(before.vertices).query(fine.vertices)[1]]
         weigh_more(weights, fine.mesh, coarse.mesh, times)
     _, crossing, fit = min(found, key=itemgetter(0, 1))
@@ -274,10 +273,10 @@ def _control(coarse: WallComplex) -> tuple[ControlMesh, IntArray, IntArray]:
     mesh, vertex, wall = coarse.apart
     quads, triangles = join_in_pairs(mesh)
     points, finer, split = split_to_quads(coarse.vertices, vertex[quads], vertex[triangles])
-    count, seams = len(coarse.vertices), coarse.edges.ends[coarse.edges.seam]
+    count, seams = len(coarse.vertices), coarse.seams.ends
     middles = count + np.searchsorted(split @ [count, 1], seams @ [count, 1])
     halves = np.concatenate([np.column_stack([seams[:, end], middles]) for end in (0, 1)])
-    corners = np.flatnonzero(coarse.kinds == CORNER)
+    corners = np.flatnonzero(coarse.seams.kinds == CORNER)
     walls = np.concatenate([np.tile(wall[quads[:, 0]], 4), np.tile(wall[triangles[:, 0]], 3)])
     return ControlMesh(points, finer, halves, np.full(len(halves), SHARP), corners), walls, middles
 
@@ -286,7 +285,7 @@ def _seam_goals(
     control: ControlMesh, middles: IntArray, coarse: WallComplex, walls: WallComplex
 ) -> tuple[IntArray, FloatArray]:
     """Where samples (P,) of a spline on seams shall lie (P, 3)."""
-    seams = coarse.edges.ends[coarse.edges.seam]
+    seams = coarse.seams.ends
     count = len(control.vertices)
     edges, _ = quad_edges(control.quads)
     quarters = [
@@ -296,14 +295,14 @@ def _seam_goals(
     if not len(seams):
         return np.zeros(0, np.int64), np.zeros((0, 3))
     places = _along_seams(coarse, walls, np.array([0.25, 0.5, 0.75]))
-    ends = np.flatnonzero(coarse.kinds > WITHIN)
+    ends = np.flatnonzero(coarse.seams.kinds > WITHIN)
     samples = np.concatenate([ends, quarters[0], middles, quarters[1]])
     return samples, np.concatenate([coarse.vertices[ends], *places])
 
 
 def _along_seams(coarse: WallComplex, walls: WallComplex, shares: FloatArray) -> FloatArray:
     """Points (S, E, 3) of walls at shares (S,) of the length of each edge that their seams collapsed to."""
-    few, many = (each.edges.ends[each.edges.seam] for each in (coarse, walls))
+    few, many = (each.seams.ends for each in (coarse, walls))
     kept, count = np.unique(few), len(walls.vertices)
     candidates = np.unique(many)
     number = np.full(count, -1)  # of coarse vertices

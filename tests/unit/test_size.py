@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15704,
+    "scripts/cccd": 15697,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
     "scripts/cccd_dicom": 1758,
@@ -25,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_training": 3574,
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_walls": 900,
+    "scripts/cccd_walls": 677,
     "scripts/cccd_workflow": 6157,
     "bench": 4700,
     "tests": 24176,

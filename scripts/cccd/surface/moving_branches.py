@@ -185,6 +185,8 @@ def move_branches(z: FloatArray, values: SingleArray, slices: Slices) -> SingleA
         return values
     moved, spacing = values.copy(), slices.spacing
     for sign in (1, -1):
+        if sign < 0 and all(scipy.ndimage.label(plane > 0)[1] == 1 for plane in slices.distance):
+            break  # no slice has a cavity
         sections = [
             SliceParts.of(np.float32(sign) * plane, spacing, float(height))
             for plane, height in zip(slices.distance, slices.z, strict=True)

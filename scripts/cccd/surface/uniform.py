@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
-from cccd.geometry.decimation import collapse_apart, collapse_edges
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
+from cccd.geometry.decimation import WITHIN, Seams, at_corners, collapse_apart, collapse_edges
 from cccd.geometry.distance import nearest_faces, nearest_points, unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.surface.surface import LoftedSurface
@@ -158,7 +158,8 @@ def _parts(mesh: Mesh) -> IntArray:
 def _relaxed(coarse: Mesh, fine: Mesh, parts: IntArray) -> Mesh:
     """Move vertices to the middle of their triangles along the surface; those of ridges stay."""
     mesh = Mesh(nearest_points(coarse.vertices, fine), coarse.faces)
-    fixed = _on_ridges(mesh, fine, parts)
+    part = parts[nearest_faces(mesh.vertices[mesh.faces].mean(axis=1), fine)]
+    fixed = Seams.of(mesh.faces, part, len(mesh.vertices)).kinds > WITHIN
     for _ in range(ROUNDS):
         normal, step = mesh.vertex_normals, _middles(mesh) - mesh.vertices
         inwards = np.einsum("vc,vc->v", step, normal)
@@ -198,24 +199,11 @@ def _heights(corners: FloatArray) -> FloatArray:
     return area / np.maximum(np.einsum("fkc,fkc->fk", sides, sides).max(axis=1), TINY)
 
 
-def _on_ridges(coarse: Mesh, fine: Mesh, parts: IntArray) -> BoolArray:
-    """Whether vertices (V,) have faces of two parts."""
-    part = parts[nearest_faces(coarse.vertices[coarse.faces].mean(axis=1), fine)]
-    low, high = (np.full(len(coarse.vertices), start) for start in (len(fine.faces), -1))
-    np.minimum.at(low, coarse.faces, part[:, None])
-    np.maximum.at(high, coarse.faces, part[:, None])
-    return low < high
-
-
 def _middles(mesh: Mesh) -> FloatArray:
     """Means (V, 3) of the centres of the triangles around each vertex, by their areas."""
-    areas, centres = mesh.face_areas, mesh.vertices[mesh.faces].mean(axis=1)
-
-    def gathered(values: FloatArray) -> FloatArray:
-        return np.bincount(mesh.faces.ravel(), np.repeat(values, 3), len(mesh.vertices)).astype(float)
-
-    around = np.maximum(gathered(areas), TINY)
-    return np.stack([gathered(areas * column) for column in centres.T], axis=1) / around[:, None]
+    areas, centres = mesh.face_areas[:, None], mesh.vertices[mesh.faces].mean(axis=1)
+    total = at_corners(mesh, np.column_stack([areas * centres, areas]))
+    return total[:, :3] / np.maximum(total[:, 3:], TINY)
 
 
 def _measured(mesh: Mesh, fine: Mesh) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from cccd.containers import Frame, Structure
+from cccd.geometry.decimation import CORNER, SEAM, WITHIN, Seams
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
@@ -15,8 +16,7 @@ from cccd.surface.surface import LoftedSurface
 from cccd_labels.shared_walls import share_walls
 from cccd_labels.surface_nets import surface_nets, well_composed
 from cccd_solids.build import Solids
-from cccd_walls.collapse import collapse_walls
-from cccd_walls.complexes import CORNER, SEAM, WITHIN, Edges, WallComplex, split_fans
+from cccd_walls.complexes import WallComplex, split_fans
 from cccd_walls.files import read_spline, write_spline
 from cccd_walls.solids import better, build_together
 from cccd_walls.splines import fit_organs, fit_walls
@@ -59,8 +59,8 @@ def meshes_of(walls, faces):
 
 def test_sectors_meet_in_a_line_between_two_corners():
     walls = complex_of()
-    assert (len(walls.regions), (walls.kinds == CORNER).sum()) == (6, 2)
-    line = walls.vertices[(walls.kinds == SEAM)]
+    assert (len(walls.regions), (walls.seams.kinds == CORNER).sum()) == (6, 2)
+    line = walls.vertices[(walls.seams.kinds == SEAM)]
     assert np.hypot(*(line - line.mean(axis=0))[:, :2].T).max() == pytest.approx(RADIUS, rel=0.06)
     volume = sum(surface.mesh.volume for surface in organs().values())
     assert sum(mesh.volume for mesh in meshes_of(walls, walls.triangles)) == pytest.approx(volume)
@@ -95,17 +95,17 @@ def test_collapsed_walls_of_noise_keep_their_topology(seed, count):
     labels, _ = well_composed(labels, lambda nodes, labels: labels.astype(float), half)
     net = surface_nets(labels, half)[0]
     walls = WallComplex.welded([net.mesh_of(label) for label in net.labels])
-    fewer = collapse_walls(walls, len(walls.triangles) // 4)
+    fewer = walls.collapsed(len(walls.triangles) // 4)
     assert len(fewer.triangles) < len(walls.triangles)
     before, after = (
         [(mesh.is_closed_manifold, mesh.genus, mesh.count_pieces()) for mesh in meshes_of(w, w.triangles)]
         for w in (walls, fewer)
     )
     assert before == after
-    corners = [w.vertices[w.kinds == CORNER] for w in (walls, fewer)]
+    corners = [w.vertices[w.seams.kinds == CORNER] for w in (walls, fewer)]
     assert np.array_equal(*[points[np.lexsort(points.T)] for points in corners])
-    seams = walls.vertices[walls.kinds > WITHIN]
-    assert all((seams == point).all(axis=1).any() for point in fewer.vertices[fewer.kinds == SEAM])
+    seams = walls.vertices[walls.seams.kinds > WITHIN]
+    assert all((seams == point).all(axis=1).any() for point in fewer.vertices[fewer.seams.kinds == SEAM])
 
 
 @pytest.mark.parametrize("cut", [0, 10])
@@ -122,8 +122,7 @@ def test_the_spline_lies_on_the_walls_and_neighbours_share_their_seams(cut):
         off += [unsigned_to_mesh(patch.vertices, truth), unsigned_to_mesh(truth.vertices, patch)]
         assert patch.area == pytest.approx(truth.area, rel=0.02)
     assert np.percentile(np.concatenate(off), 99) < TOLERANCE
-    uses = Edges.of(drawn.faces, drawn_wall).uses
-    assert (uses.min(), uses.max()) == (2, 3)
+    assert set(Seams.of(drawn.faces, drawn_wall, len(drawn.vertices)).uses) - {2} == {3}
 
 
 def test_a_spline_comes_back_from_its_file(tmp_path):
