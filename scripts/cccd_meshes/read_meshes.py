@@ -14,7 +14,7 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.extras import needing
-from cccd.files.gltf import TO_GLTF
+from cccd.files import TO_GLTF
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply
@@ -70,7 +70,7 @@ def read_mesh(path: str | Path) -> MeshFile:
     Examples
     --------
     >>> import tempfile
-    >>> from cccd.files.meshes import binary_stl
+    >>> from cccd.files import binary_stl
     >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
     >>> path = Path(tempfile.mkdtemp()) / "solid.stl"

@@ -22,7 +22,7 @@ from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
-from cccd.settings.formats import COLOUR
+from cccd.plugins import COLOUR
 from cccd_solids.step_points import share_points
 
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.

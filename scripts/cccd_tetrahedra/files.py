@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
 from cccd.surface.surface import LoftedSurface

@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.files.gltf import TO_GLTF
+from cccd.files import TO_GLTF
 from cccd.geometry._vtk import xml_of
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh

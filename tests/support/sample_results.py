@@ -16,7 +16,7 @@ from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries

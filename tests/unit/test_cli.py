@@ -20,7 +20,7 @@ from support import fresh, scans
 
 import cccd
 from cccd.cli import main
-from cccd.commands.outputs import print_surface
+from cccd.commands import print_surface
 from cccd.interruption import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra

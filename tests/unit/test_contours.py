@@ -8,7 +8,7 @@ import pytest
 from cccd.containers import Frame, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.errors import InputError
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.ordering import order_contours

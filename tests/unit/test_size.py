@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15704,
+    "scripts/cccd": 15686,
     "scripts/cccd_calibration": 795,
     "scripts/cccd_datasets": 1822,
-    "scripts/cccd_dicom": 1758,
+    "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
-    "scripts/cccd_junctions": 3922,
+    "scripts/cccd_junctions": 3921,
     "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 920,
+    "scripts/cccd_meshes": 917,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9216,
     "scripts/cccd_segmentation": 1669,
@@ -26,7 +26,7 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
     "scripts/cccd_walls": 900,
-    "scripts/cccd_workflow": 6157,
+    "scripts/cccd_workflow": 6154,
     "bench": 4700,
     "tests": 24176,
 }

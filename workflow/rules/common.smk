@@ -36,7 +36,7 @@ from cccd_workflow.plan.plan import Plan, files_of_comparison
 from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
 from cccd_segmentation.networks import networks
-from cccd.settings.formats import SOLID_FORMATS
+from cccd.plugins import formats
 from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.errors import nearest
 

@@ -42,7 +42,7 @@ from cccd.inputs.row_files import (
     read_mask,
 )
 from cccd.plugins import find, table
-from cccd.request import Request, completed
+from cccd.request import FILES, Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd.sidecar_files import voxel_files
 
@@ -131,7 +131,7 @@ def read_request(
     """
     location = request.location
     try:
-        made = table("SOURCES").get(request.source)
+        made = None if request.source == FILES else table("SOURCES").get(request.source)
         scan = find(made)(request, settings, seed) if made else _read_files(request, settings, files)
         if isinstance(scan, Structure):
             return scan

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cccd.settings.section import Section, setting
+from cccd.settings import Section, setting
 
 #: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
 PHANTOM_ORGANS = (

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from pydantic import ValidationError, create_model
 
 from cccd.plugins import find, table
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings import Section, setting
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings
-from cccd.settings.junctions import JunctionSettings
-from cccd.settings.section import Section, setting
+from cccd.settings.junctions import BoundarySettings, JunctionSettings
 from cccd.settings.surface import LoftSettings
 
 

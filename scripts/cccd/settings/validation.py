@@ -15,8 +15,8 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 
 from cccd.errors import InputError, nearest
+from cccd.settings import Section
 from cccd.settings.root import Settings, whole_settings
-from cccd.settings.section import Section
 
 _REFUSED_KEYS = ("extra_forbidden", "invalid_key")
 

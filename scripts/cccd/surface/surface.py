@@ -16,7 +16,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.formats import NOTE
+from cccd.plugins import NOTE
 from cccd.store import (
     atomic_path,
     read_band,

@@ -25,9 +25,9 @@ from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import Volume
 from cccd.metrics import dice, surface_distances
-from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import level_curves, trace_stack
 from cccd_junctions.boundary import extract_boundaries

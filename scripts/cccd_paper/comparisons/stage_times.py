@@ -14,7 +14,7 @@ from cccd.containers import Curves, Frame, Sections, Splines, Structure
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import voxel_dice

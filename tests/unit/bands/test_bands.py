@@ -15,7 +15,7 @@ from cccd.bands.readers import Reader
 from cccd.bands.signs import SIGNS, Slices, signs_of
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.write import write_surface
+from cccd.files import write_surface
 from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 from cccd.settings.root import Settings

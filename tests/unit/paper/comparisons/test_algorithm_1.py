@@ -5,7 +5,7 @@ from support.shapes import structure_of
 
 from cccd.containers import Sections
 from cccd.curves.fitting import fit_splines
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask

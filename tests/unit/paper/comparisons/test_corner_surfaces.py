@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries

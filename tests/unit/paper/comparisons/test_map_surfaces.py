@@ -6,7 +6,7 @@ import numpy as np
 from support import shapes
 
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.tracing import trace_mask

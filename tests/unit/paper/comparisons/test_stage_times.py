@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
