@@ -14,8 +14,8 @@ from pathlib import Path
 import pandas as pd
 from definition_3 import structures
 
+from cccd.contours import trace_mask
 from cccd.surface.measure import Reference, measure_agreement
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.baselines.surfaces import SURFACES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES

@@ -12,13 +12,12 @@ from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
 from cccd.containers import Boundaries, Curves, Sections
-from cccd.contours import trace_contours
+from cccd.contours import trace_contours, trace_mask
 from cccd.curves.describe import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import measure_surface
-from cccd.tracing import trace_mask
 from cccd_datasets.corruptions import corrupt
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.checkpoint import load_model

@@ -17,10 +17,10 @@ from pathlib import Path
 
 import pandas as pd
 
+from cccd.contours import trace_mask
 from cccd.settings.imports import PhantomSettings
 from cccd.settings.root import Settings
 from cccd.surface.measure import measure_agreement
-from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.tensor_product_loft import TUNED, TubeSettings, tensor_product_loft
 

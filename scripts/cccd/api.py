@@ -18,9 +18,9 @@ from threadpoolctl import threadpool_limits
 
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
-from cccd.dicom_objects import object_in
 from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
+from cccd.file_headers import object_in
 from cccd.files import ExportOptions, format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons

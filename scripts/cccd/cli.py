@@ -14,10 +14,9 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from cccd.console import print_error
+from cccd.console import interruptible, print_error
 from cccd.errors import InputError, MergedLabels
 from cccd.extras import missing_extra
-from cccd.interruption import interruptible
 from cccd.plugins import find, own_rows, table
 
 _EXAMPLES = """\

@@ -159,7 +159,7 @@ def check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None
 
 def _is_read(path: Path, source: Path) -> bool:
     """Whether a file is an input, or one of the volumes and images in a folder that is."""
-    from cccd.dicom_objects import dicom_modality
+    from cccd.file_headers import dicom_modality
     from cccd.inputs.readers import without_suffix
 
     if not path.is_file() or not source.exists():

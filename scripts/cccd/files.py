@@ -23,10 +23,8 @@ from scipy.spatial import cKDTree
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.extras import check_extra
-from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
-from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import write_ply as write_mesh
+from cccd.geometry.mesh import Mesh, xml_of
 from cccd.geometry.raster import voxelise
 from cccd.geometry.thickness import wall_thickness
 from cccd.inputs.annotation import fill_mask
@@ -34,6 +32,7 @@ from cccd.inputs.grid import Volume
 from cccd.plugins import COLOUR, NOTE, find, formats, own_rows, row
 from cccd.settings.surface import LoftSettings, TetrahedraSettings
 from cccd.store import atomic_path, check_writable
+from cccd.store import write_ply as write_mesh
 from cccd.surface.surface import LoftedSurface
 
 _DEFAULT = LoftSettings()

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.bands.calibration import Calibration
-from cccd.bands.signs import signs_of
+from cccd.bands import Calibration, signs_of
 from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
 from cccd.errors import InputError

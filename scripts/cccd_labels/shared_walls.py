@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, offsets_of

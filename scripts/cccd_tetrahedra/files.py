@@ -10,8 +10,8 @@ import numpy as np
 import numpy.typing as npt
 
 from cccd.files import ExportOptions
-from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import IntArray
+from cccd.geometry.mesh import xml_of
 from cccd.surface.surface import LoftedSurface
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.filling import TetrahedralMesh

@@ -10,9 +10,8 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.files import TO_GLTF
-from cccd.geometry._vtk import xml_of
 from cccd.geometry.distance import to_mesh
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, xml_of
 from cccd.project import PROJECT
 from cccd.store import atomic_path
 from cccd_viewers.page_files import View

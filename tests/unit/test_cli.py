@@ -21,7 +21,7 @@ from support import fresh, scans
 import cccd
 from cccd.cli import main
 from cccd.commands import print_surface
-from cccd.interruption import interruptible
+from cccd.console import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
 

@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Structure
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
 from cccd.geometry.distance import unsigned_to_mesh

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
 from cccd.surface.sampled import distance_to_part, sampled

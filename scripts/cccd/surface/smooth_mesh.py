@@ -10,8 +10,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.booleans import between_planes
 from cccd.geometry.collisions import MovingTriangles
+from cccd.geometry.flat_caps import between_planes
 from cccd.geometry.mesh import WIDEST_BAND, Mesh
 from cccd.surface.checks import lost_voxels, pixels_within
 from cccd.surface.sampled import SampledDistance

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.mesh import Mesh

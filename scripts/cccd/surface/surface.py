@@ -14,16 +14,17 @@ from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
 from cccd.plugins import NOTE
 from cccd.store import (
     atomic_path,
     read_band,
     read_bodies,
+    read_ply,
     read_report,
     read_surface_frame,
     write_control_meshes,
+    write_ply,
 )
 
 #: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.

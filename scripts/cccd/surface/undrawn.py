@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import label, map_coordinates
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask

@@ -11,13 +11,13 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
+from cccd.contours import trace_stack
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
 from cccd.metrics import dice
 from cccd.settings.surface import LoftSettings
 from cccd.surface.measure import Reference, measure_mesh
 from cccd.surface.surface import LoftedSurface
-from cccd.tracing import trace_stack
 from cccd_junctions.ordering import count_changes
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode

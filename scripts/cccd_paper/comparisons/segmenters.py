@@ -17,6 +17,7 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Sections, Structure
+from cccd.contours import level_curves, trace_stack
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import corner_splines
@@ -29,7 +30,6 @@ from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import level_curves, trace_stack
 from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer

@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
+from cccd.contours import trace_mask
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.polygons import RaggedPolygons
@@ -18,7 +19,6 @@ from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.measure import voxel_dice
-from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct

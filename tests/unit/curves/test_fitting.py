@@ -10,13 +10,13 @@ from scipy import ndimage
 from scipy.interpolate import BSpline
 
 from cccd.containers import Frame
+from cccd.contours import trace_stack
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import _along_curve, _along_reference, corner_splines, fit_checked, fit_splines
 from cccd.curves.knots import reference
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.curves import CurveSettings
-from cccd.tracing import trace_stack
 from cccd_workflow.curve_measures import area_scores, distances
 
 
