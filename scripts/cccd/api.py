@@ -269,9 +269,8 @@ class Surface:
         >>> len(even.faces), even.mesh.is_watertight
         (500, True)
         """
-        from cccd.surface.uniform import with_uniform_triangles
-
-        return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
+        even = find(table("OPTIONS")["uniform"])(self.lofted, triangles, edge_mm)
+        return replace(self, lofted=even)
 
     def to_pyvista(self) -> pyvista.PolyData:
         """Return the mesh for PyVista."""

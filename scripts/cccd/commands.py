@@ -199,13 +199,11 @@ def write_with_band(
 
 def describe_surface(surface: Surface, files: Sequence[Path], seconds: float) -> dict[str, Any]:
     """Return what there is to say of a surface: plain JSON."""
-    from cccd.surface.measure import measure_band
-
     return {
         "organ": surface.name,
         "files": [str(path) for path in files],
         "volume_ml": round(surface.volume / 1000, 4),
-        **{name: round(value, 4) for name, value in measure_band(surface.lofted).items()},
+        **{name: round(value, 4) for name, value in surface.lofted.band_figures.items()},
         "size_mm": [round(length, 2) for length in surface.size],
         "pieces": surface.pieces,
         "triangles": len(surface.faces),

@@ -192,6 +192,13 @@ class Guide:
     inside: np.ndarray
     origin: np.ndarray
 
+    @property
+    def ends(self) -> np.ndarray:
+        """First and last source ``(i, j)`` (2, 2) of what was drawn."""
+        ends = np.full((2, 2), self.index, np.int64)
+        ends[:, 1 - self.axis] = np.flatnonzero(self.inside.any(axis=0))[[0, -1]] + int(self.origin[1])
+        return ends
+
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
@@ -207,6 +214,12 @@ class Annotation:
 
     slices: np.ndarray
     guides: tuple[Guide, ...] = ()
+
+    @property
+    def reach(self) -> np.ndarray | None:
+        """First and last source ``(i, j)`` (2, 2) of what was drawn on planes across; None without any."""
+        ends = np.array([guide.ends for guide in self.guides])
+        return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)]) if self.guides else None
 
     @property
     def gaps(self) -> list[tuple[int, int]]:

@@ -26,7 +26,6 @@ from cccd.extras import check_extra
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh, xml_of
 from cccd.geometry.raster import voxelise
-from cccd.geometry.thickness import wall_thickness
 from cccd.inputs.annotation import fill_mask
 from cccd.inputs.grid import Volume
 from cccd.plugins import COLOUR, NOTE, find, formats, own_rows, row
@@ -272,6 +271,8 @@ NAMESPACE = "https://cccd.example/3mf"
 def write_3mf(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh in mm RAS; metadata ``thinnest_wall_mm`` says how thick 99 % of it is at least."""
     import lib3mf as untyped  # pyright: ignore[reportMissingTypeStubs]  # of the extra print
+
+    from cccd.geometry.thickness import wall_thickness
 
     lib3mf = cast(Any, untyped)
     model = lib3mf.get_wrapper().CreateModel()

@@ -15,7 +15,7 @@ from cccd.geometry.mesh import Mesh, xml_of
 from cccd.project import PROJECT
 from cccd.store import atomic_path
 from cccd_viewers.page_files import View
-from cccd_workflow.comparison import Compared, Comparison
+from cccd_workflow.comparison import Compared, Comparison, is_closed
 
 #: A page shows at most so many triangles of each surface.
 _TRIANGLES = 30_000
@@ -114,7 +114,7 @@ def _view(row: Compared, other: str) -> View:
     assert row.other is not None
     shown, theirs = mesh.simplified(_TRIANGLES), row.other.simplified(_TRIANGLES)
     distance = to_mesh(shown.vertices, row.other)
-    if not row.other.is_closed:
+    if not is_closed(row.other):
         distance = np.abs(distance)
     return View({"surface": shown, "cubes": theirs}, {"distance": distance}, len(mesh.faces), other, {})
 

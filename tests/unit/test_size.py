@@ -8,16 +8,16 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15567,
+    "scripts/cccd": 15056,
     "scripts/cccd_calibration": 792,
-    "scripts/cccd_datasets": 1822,
+    "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3921,
     "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 916,
+    "scripts/cccd_meshes": 1149,
     "scripts/cccd_networks": 471,
-    "scripts/cccd_paper": 9215,
+    "scripts/cccd_paper": 9213,
     "scripts/cccd_segmentation": 1669,
     "scripts/cccd_shapes": 1465,
     "scripts/cccd_solids": 1928,
@@ -26,9 +26,9 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
     "scripts/cccd_walls": 900,
-    "scripts/cccd_workflow": 6151,
-    "bench": 4699,
-    "tests": 24168,
+    "scripts/cccd_workflow": 6395,
+    "bench": 4697,
+    "tests": 24175,
 }
 
 

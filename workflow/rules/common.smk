@@ -37,7 +37,7 @@ from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
 from cccd_segmentation.networks import networks
 from cccd.plugins import formats
-from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
+from cccd_datasets import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.errors import nearest
 
 #: Made in a run with rows whose files are missing and removed at its end, so that there is always a job to run:

@@ -310,6 +310,8 @@ class SliceGap:
     def _nearest_free(self, pixel: float) -> IntArray:
         """Pairs (P, 2) of parts that overlap nothing, and lie where both ellipses tell or side by side."""
         low, high = np.flatnonzero(self.free(False)), np.flatnonzero(self.free(True))
+        if not (len(low) and len(high)):  # most masks: they need no scipy.optimize
+            return np.zeros((0, 2), np.int64)
         a, b = low[:, None], high[None]
         way = self.above.centres[b] - self.below.centres[a]
         length = np.linalg.norm(way, axis=-1)

@@ -73,6 +73,21 @@ class LoftedSurface:
         whole = self.whole or self
         return self.band and whole.band and whole.band.volume_interval(whole.mesh)
 
+    @property
+    def band_figures(self) -> dict[str, Any]:
+        """The band's share, volume interval in ml and mean width in mm; whether it is extrapolated."""
+        interval, area = self.volume_interval, self.mesh.vertex_areas
+        if self.band is None or interval is None:
+            return {}
+        return {
+            "band": self.band.share,
+            "volume_low_ml": interval[0] / 1000,
+            "volume_high_ml": interval[1] / 1000,
+            "inner_mean_mm": float(area @ self.band.inner / area.sum()),
+            "outer_mean_mm": float(area @ self.band.outer / area.sum()),
+            "band_extrapolated": self.band.extrapolated,
+        }
+
     def sides(self) -> dict[str, LoftedSurface]:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""
         if self.band is None:

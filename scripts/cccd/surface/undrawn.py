@@ -28,22 +28,6 @@ HEIGHT = 0.5
 REACH = 0.25
 
 
-def guides_reach(annotation: Annotation | None) -> IntArray | None:
-    """First and last source ``(i, j)`` (2, 2) of what was drawn on planes across; None without any."""
-    if annotation is None or not annotation.guides:
-        return None
-    ends = np.array([_extent(guide) for guide in annotation.guides])
-    return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
-
-
-def _extent(guide: Guide) -> IntArray:
-    """First and last source ``(i, j)`` (2, 2) of what was drawn on a plane."""
-    along = np.flatnonzero(guide.inside.any(axis=0)) + int(guide.origin[1])
-    ends = np.full((2, 2), guide.index, np.int64)
-    ends[:, 1 - guide.axis] = along[[0, -1]]
-    return ends
-
-
 def shape_undrawn(
     z: FloatArray, values: SingleArray, slices: Slices, guides: Sequence[GuideLine], frame: Frame
 ) -> tuple[SingleArray, list[str]]:
@@ -153,11 +137,10 @@ def _endings(slices: Slices) -> list[list[_Ending]]:
 
 
 def guide_lines(
-    annotation: Annotation | None, shape: Sequence[int], frame: Frame, origin: IntArray
+    annotation: Annotation, shape: Sequence[int], frame: Frame, origin: IntArray
 ) -> list[GuideLine]:
     """Planes across the slices as they meet fields (I, J) that begin at the source's ``origin`` (2,)."""
-    guides = () if annotation is None else annotation.guides
-    return [GuideLine.of(guide, shape, frame, origin) for guide in guides]
+    return [GuideLine.of(guide, shape, frame, origin) for guide in annotation.guides]
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,9 +252,5 @@ def _crossings(line: SingleArray) -> FloatArray:
 
 def _between_rows(rows: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Values (R, J) of some ascending rows on all rows (count, J): linear between, the last ones beyond."""
-    if len(rows) == 1:
-        return np.repeat(values, count, axis=0)
-    at = np.clip(np.arange(count), rows[0], rows[-1])
-    low = np.clip(np.searchsorted(rows, at, side="right") - 1, 0, len(rows) - 2)
-    share = ((at - rows[low]) / (rows[low + 1] - rows[low]))[:, None]
-    return (1 - share) * values[low] + share * values[low + 1]
+    columns: list[FloatArray] = [np.interp(np.arange(count), rows, column) for column in values.T]
+    return np.array(columns, np.float64).T

@@ -24,8 +24,8 @@ from cccd.curves.fitting import corner_splines
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import dice
 from cccd.inputs.grid import Volume
-from cccd.metrics import dice, surface_distances
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.junctions import BoundarySettings
@@ -39,6 +39,7 @@ from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed
 from cccd_viewers.page_files import Panel, SliceFigure
 from cccd_workflow.curve_measures import bytes_per_slice
+from cccd_workflow.surface_measures import surface_distances
 
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd_segmentation.model import Segmenter

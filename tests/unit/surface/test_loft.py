@@ -10,8 +10,7 @@ from support.shapes import SETTINGS, assert_sound, ball, curves_of, fork, grid, 
 from cccd.containers import Curves, Frame, Sections
 from cccd.contours import trace_mask
 from cccd.errors import InputError
-from cccd.geometry.raster import voxelise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
 from cccd_workflow.surface_measures import measure_surface
 
