@@ -107,7 +107,7 @@ def settings_of(given: argparse.Namespace) -> Settings:
 
     settings = Settings()
     if given.configfile:
-        from cccd.settings.validation import read_config
+        from cccd.settings.root import read_config
 
         settings = read_config(given.configfile)
     changes: dict[str, float | str] = {}

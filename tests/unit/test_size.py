@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15056,
+    "scripts/cccd": 15046,
     "scripts/cccd_calibration": 792,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
@@ -26,9 +26,9 @@ MOST_LINES = {
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
     "scripts/cccd_walls": 900,
-    "scripts/cccd_workflow": 6395,
-    "bench": 4697,
-    "tests": 24175,
+    "scripts/cccd_workflow": 6394,
+    "bench": 4696,
+    "tests": 24173,
 }
 
 

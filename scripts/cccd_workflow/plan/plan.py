@@ -14,8 +14,7 @@ from typing import Any, cast
 from cccd.errors import InputError
 from cccd.plugins import band_formats, folders, formats, table
 from cccd.project import PROJECT
-from cccd.settings.root import Settings
-from cccd.settings.validation import validate_config
+from cccd.settings.root import Settings, validate_config
 from cccd_segmentation.networks import networks
 from cccd_workflow.cohort import IMAGES_ALONE
 from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
