@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, split_ragged
-from cccd.geometry.closed_splines import evaluate
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.polygons import RaggedPolygons, evaluate_spline
 from cccd.geometry.raster import rasterise_layers
 from cccd.tolerances import ORTHOGONALITY
 
@@ -475,7 +474,7 @@ class Splines:
         parts = [np.zeros((0, 2))]
         for (control, knots), count in zip(self, counts.tolist(), strict=True):
             begin, end = float(knots[self.degree]), float(knots[-self.degree - 1])
-            parts.append(evaluate(knots, control, begin + (end - begin) * np.arange(count) / count))
+            parts.append(evaluate_spline(knots, control, begin + (end - begin) * np.arange(count) / count))
         return Curves(np.concatenate(parts), offsets_of(counts), self.slice, self.hole, self.frame)
 
 

@@ -20,8 +20,8 @@ from scipy.spatial import cKDTree
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.polygons import DEGREE
 from cccd.plugins import COLOUR
 from cccd_solids.step_points import share_points
 

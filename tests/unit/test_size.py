@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15046,
+    "scripts/cccd": 15025,
     "scripts/cccd_calibration": 792,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
@@ -28,7 +28,7 @@ MOST_LINES = {
     "scripts/cccd_walls": 900,
     "scripts/cccd_workflow": 6394,
     "bench": 4696,
-    "tests": 24173,
+    "tests": 24171,
 }
 
 

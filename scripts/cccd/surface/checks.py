@@ -17,7 +17,7 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.surface.sampled import sampled
+from cccd.surface.distances import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 

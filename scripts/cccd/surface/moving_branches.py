@@ -18,7 +18,7 @@ import scipy
 from cccd.bands import Slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.sampled import distance_to_part, sampled
+from cccd.surface.distances import distance_to_part, sampled
 
 #: mm: levels so near to a slice are the slice's own.
 SAME_HEIGHT = 1e-6

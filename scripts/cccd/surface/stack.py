@@ -15,10 +15,9 @@ from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.borders import Borders, find_borders
+from cccd.surface.distances import Borders, SampledDistance, find_borders
 from cccd.surface.levels import levels_of_slices
 from cccd.surface.moving_branches import SAME_HEIGHT, move_branches
-from cccd.surface.sampled import SampledDistance
 
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13

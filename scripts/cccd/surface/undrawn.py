@@ -17,8 +17,8 @@ from cccd.bands import Slices
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
+from cccd.surface.distances import distance_to_part
 from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches, levels_between
-from cccd.surface.sampled import distance_to_part
 
 #: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
 #: slice: all that is known is that it ends before that.

@@ -17,9 +17,7 @@ from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import _along_curve, _along_reference, corner_splines, fit_checked, fit_splines
 from cccd.curves.knots import reference
-from cccd.geometry import closed_splines
-from cccd.geometry.closed_splines import extend_knots
-from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.polygons import RaggedPolygons, evaluate_spline, extend_knots
 from cccd.settings.curves import CurveSettings
 from cccd_workflow.curve_measures import area_scores, distances
 
@@ -388,5 +386,5 @@ def test_evaluation_agrees_with_scipy_and_closes(seed, count, repeated):
     assert len(knots) == count + 7
     curve = BSpline(knots, np.vstack([control, control[:3]]), 3)
     u = np.linspace(knots[3], knots[-4], 101)[:-1]
-    assert closed_splines.evaluate(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
+    assert evaluate_spline(knots, control, u) == pytest.approx(curve(u), abs=1e-9)
     assert curve(knots[3]) == pytest.approx(curve(knots[-4]), abs=1e-9)
