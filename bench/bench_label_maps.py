@@ -19,12 +19,11 @@ from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
 
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import surface_distances
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import mask_surface
 from cccd_labels.conforming import ConformingSurface
 from cccd_labels.shared_walls import share_walls
+from cccd_workflow.surface_measures import mask_surface, surface_distances
 
 #: Iterations, relaxation factors and constraint distances (in voxels) of VTK's smoothing.
 GRID = list(itertools.product((8, 16, 40), (0.25, 0.5), (0.5, 1.0, 2.0)))

@@ -26,10 +26,10 @@ from cccd.inputs.load import structure_of_array  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
 from cccd_datasets.phantoms import make_phantom  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import windowed_sinc  # noqa: E402
+from cccd_workflow.surface_measures import Reference, measure_mesh  # noqa: E402
 
 ORGANS, COARSE_MM, FINE_MM, CASES = ("liver", "kidney"), (1.5, 3.0), (0.75, 0.75, 1.0), range(1)
 #: Families whose packages every environment has, and that need seconds.

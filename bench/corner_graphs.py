@@ -31,8 +31,8 @@ from corner_graph_data import (
     number_corners,
 )
 
+from cccd.contours import trace_mask
 from cccd.settings.root import Settings
-from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.training import LinkTask

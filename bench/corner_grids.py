@@ -18,8 +18,8 @@ from definition_3 import structures
 from equal_points import CHAIN, choose_for_shares, measure_at_shares
 
 from cccd.containers import Frame
+from cccd.contours import trace_mask
 from cccd.settings.imports import PhantomSettings
-from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.corner_comparison import search
 from cccd_paper.comparisons.k_sweep import search_chain

@@ -17,12 +17,12 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves
+from cccd.contours import trace_mask
 from cccd.curves.corners import k_cosine
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.inputs.load import load_structure
 from cccd.settings.imports import ImportSettings
 from cccd.settings.root import Settings
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.corner_measures import SWEEP, measure_corners
 from cccd_paper.comparisons.definition_3 import READINGS
 from cccd_paper.comparisons.repeatability import repeatability

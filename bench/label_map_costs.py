@@ -29,10 +29,9 @@ from scipy.spatial import cKDTree
 
 import cccd
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import surface_distances
 from cccd.settings.root import Settings
-from cccd.surface.measure import mask_surface, voxel_volume
 from cccd_labels.whole_map import WholeMap
+from cccd_workflow.surface_measures import mask_surface, surface_distances, voxel_volume
 
 ROOT = Path(__file__).resolve().parents[1]
 TABLE = ROOT / "docs" / "measured" / "label_maps.csv"

@@ -24,11 +24,11 @@ import pandas as pd
 import pyvista as pv
 
 from cccd.containers import Curves, Frame, Sections, Structure
+from cccd.contours import trace_mask
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.settings import IsosurfaceSettings
 

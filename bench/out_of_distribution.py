@@ -19,8 +19,8 @@ from scipy import ndimage
 
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs import load_structure
-from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.settings.junctions import BoundarySettings
 from cccd_datasets.phantoms import make_phantom
 from cccd_junctions.boundary import edge_map
 from cccd_junctions.checkpoint import load_model

@@ -14,11 +14,11 @@ from pathlib import Path
 import pandas as pd
 from definition_3 import structures
 
-from cccd.surface.measure import Reference, measure_agreement
-from cccd.tracing import trace_mask
+from cccd.contours import trace_mask
 from cccd_paper.comparisons.baselines.surfaces import SURFACES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES
+from cccd_workflow.surface_measures import Reference, measure_agreement
 
 METHODS = ("ball pivoting", "alpha shape", "Poisson", "paper's loft, eq. (10)", "marching cubes")
 

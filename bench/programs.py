@@ -21,12 +21,12 @@ os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 import pandas as pd
 from keep_tables import TABLES
 
+from cccd.contours import trace_mask
 from cccd.inputs import load_structure
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.imports import ImportSettings
 from cccd.settings.root import Settings
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.comparisons.thick_slices import thick_slice_experiment

@@ -24,11 +24,10 @@ import pandas as pd
 from settings_pages import Key, keys
 
 from cccd.containers import Curves
+from cccd.contours import trace_mask
 from cccd.curves.fitting import fit_splines
 from cccd.errors import InputError
-from cccd.settings.root import Settings
-from cccd.settings.validation import validate_config
-from cccd.tracing import trace_mask
+from cccd.settings.root import Settings, validate_config
 from cccd_datasets.phantoms import make_phantom
 from cccd_workflow.curve_measures import area_scores, distances
 

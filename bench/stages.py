@@ -12,13 +12,11 @@ from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
 from cccd.containers import Boundaries, Curves, Sections
-from cccd.contours import trace_contours
+from cccd.contours import trace_contours, trace_mask
 from cccd.curves.describe import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import measure_surface
-from cccd.tracing import trace_mask
 from cccd_datasets.corruptions import corrupt
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.checkpoint import load_model
@@ -27,6 +25,7 @@ from cccd_paper.comparisons.volume_meshes import flying_edges, windowed_sinc
 from cccd_training.junctions.data import label_map
 from cccd_training.junctions.loss import total_loss
 from cccd_training.junctions.synthetic_maps import draw_map
+from cccd_workflow.surface_measures import measure_surface
 
 MODEL = Path(__file__).parents[1] / "workflow" / "models" / "junctions.pt"
 

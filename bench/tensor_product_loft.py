@@ -17,12 +17,12 @@ from pathlib import Path
 
 import pandas as pd
 
+from cccd.contours import trace_mask
 from cccd.settings.imports import PhantomSettings
 from cccd.settings.root import Settings
-from cccd.surface.measure import measure_agreement
-from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.tensor_product_loft import TUNED, TubeSettings, tensor_product_loft
+from cccd_workflow.surface_measures import measure_agreement
 
 ORGANS, REPORTED, SAMPLES = ("liver", "kidney"), ("liver", "lungs"), 5000
 BEFORE = TubeSettings(7, 64, 0.0, 0.0)

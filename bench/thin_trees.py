@@ -23,9 +23,9 @@ from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.surface import LoftSettings  # noqa: E402
-from cccd.surface.measure import Reference, measure_mesh  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import GRID, windowed_sinc  # noqa: E402
+from cccd_workflow.surface_measures import Reference, measure_mesh  # noqa: E402
 
 RADII, SLICES, SEEDS = (2.0, 3.0, 4.5), (1.0, 2.0, 3.0), range(3)
 #: mm: grid of the true surface.

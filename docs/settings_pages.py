@@ -13,9 +13,9 @@ from typing import Any
 
 import yaml
 
-from cccd.settings.formats import BAND_FORMATS, FORMATS
+from cccd.plugins import band_formats, formats
+from cccd.settings import Section
 from cccd.settings.root import whole_settings
-from cccd.settings.section import Section
 
 #: Comments start in this column at most; longer values push theirs to the right.
 COMMENT_COLUMN = 28
@@ -186,8 +186,8 @@ def documentation(sensitivity: list[dict[str, str]]) -> str:
         lines += [_row(_code(key.dotted), *_cells(key)) for key in own]
         if section == "surface":
             lines.append(_FORMATS_HEAD)
-            lines += [_row(_code(name), form.holds, form.extra) for name, form in FORMATS.items()]
-            meshes = ", ".join(name.removeprefix("band.") for name in BAND_FORMATS)
+            lines += [_row(_code(name), form.holds, form.extra) for name, form in formats().items()]
+            meshes = ", ".join(name.removeprefix("band.") for name in band_formats())
             band = "inner and outer surface of the error band, `surface_inner.stl` and `surface_outer.stl`"
             lines.append(_row(_code("band.stl"), f"{band}; also of {meshes}", ""))
     measured = [key for key in values if any(row["key"] == key.dotted for row in sensitivity)]

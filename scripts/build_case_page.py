@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from cccd.geometry.ply import read_ply
-from cccd.store import read_json
+from cccd.store import read_json, read_ply
 from cccd_workflow.job import job
 from cccd_workflow.report.page import build_case_page
 

@@ -2,8 +2,7 @@
 
 from pathlib import Path
 
-from cccd.geometry.ply import read_ply
-from cccd.store import atomic_path, write_json
+from cccd.store import atomic_path, read_ply, write_json
 from cccd_labels.scene import describe_scene, name_organs, write_scene, write_segmentation
 from cccd_workflow.job import job
 from cccd_workflow.stage_files import read_structure_facts

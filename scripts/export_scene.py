@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cccd.files.write import check_format
+from cccd.files import check_format
 from cccd.store import atomic_path, write_json
 from cccd.surface.surface import read_surface
 from cccd_labels.scene import name_organs

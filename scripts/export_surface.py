@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cccd.files.write import ExportOptions, write_surface
+from cccd.files import ExportOptions, write_surface
 from cccd.inputs.load import scan_of
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import read_drawn, read_structure, write_json

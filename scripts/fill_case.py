@@ -2,10 +2,9 @@
 
 from pathlib import Path
 
-from cccd.geometry.ply import read_ply
 from cccd.inputs.load import scan_of
 from cccd.settings.surface import TetrahedraSettings
-from cccd.store import atomic_path, read_structure, read_surface_frame, write_json
+from cccd.store import atomic_path, read_ply, read_structure, read_surface_frame, write_json
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.files import WRITERS
 from cccd_workflow.job import job

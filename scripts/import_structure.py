@@ -5,8 +5,8 @@ from pathlib import Path
 from cccd.inputs import load_structure
 from cccd.inputs.load import with_segmentation_notes
 from cccd.plugins import call
-from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.store import read_json, write_structure
 from cccd_junctions.boundary import extract_boundaries
 from cccd_viewers.regions import draw_region

@@ -51,10 +51,10 @@ def __getattr__(name: str) -> object:
     """Load a public name when it is first asked for (PEP 562); the types stand in ``__init__.pyi``."""
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from cccd.plugins import find, table
+    from cccd.plugins import find, row
 
     # by name, so that no job of the workflow counts all of the library among its own
-    value = find(table("API").get(name, f"cccd.api.{name}"))
+    value = find(row("API", name))
     globals()[name] = value
     return value
 

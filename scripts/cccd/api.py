@@ -18,10 +18,10 @@ from threadpoolctl import threadpool_limits
 
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
-from cccd.dicom_objects import object_in
 from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
-from cccd.files.write import ExportOptions, format_of, write_surface
+from cccd.file_headers import object_in
+from cccd.files import ExportOptions, format_of, write_surface
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.subdivision import ControlMesh
@@ -31,9 +31,8 @@ from cccd.inputs.file_requests import Label, Threshold, check_rule, holds_series
 from cccd.inputs.grid import Volume
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
-from cccd.plugins import find, table
+from cccd.plugins import find, row, table
 from cccd.reconstruction import find_contours, loft_sections
-from cccd.settings.formats import FORMATS
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
 
@@ -270,9 +269,8 @@ class Surface:
         >>> len(even.faces), even.mesh.is_watertight
         (500, True)
         """
-        from cccd.surface.uniform import with_uniform_triangles
-
-        return replace(self, lofted=with_uniform_triangles(self.lofted, triangles, edge_mm))
+        even = find(table("OPTIONS")["uniform"])(self.lofted, triangles, edge_mm)
+        return replace(self, lofted=even)
 
     def to_pyvista(self) -> pyvista.PolyData:
         """Return the mesh for PyVista."""
@@ -540,7 +538,7 @@ def _series(structure: Structure) -> Path | None:
 def check_references(paths: Sequence[Path], structure: Structure) -> None:
     """Refuse, before any work, files that could not refer to the series that a structure came from."""
     for path in paths:
-        if check := FORMATS[format_of(path)].check:
+        if check := row("WRITERS", format_of(path)).check:
             find(check)(path, _series(structure))
 
 

@@ -14,11 +14,10 @@ import sys
 import warnings
 from collections.abc import Sequence
 
-from cccd.console import print_error
+from cccd.console import interruptible, print_error
 from cccd.errors import InputError, MergedLabels
 from cccd.extras import missing_extra
-from cccd.interruption import interruptible
-from cccd.plugins import find, table
+from cccd.plugins import find, own_rows, table
 
 _EXAMPLES = """\
 examples:
@@ -104,7 +103,8 @@ def _parser(words: Sequence[str]) -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"cccd {__version__}")
     commands = parser.add_subparsers(dest="command", metavar="command")
     asked = next((word for word in words if not word.startswith("-")), None)
-    for name, row in table("COMMANDS").items():
+    own = own_rows("COMMANDS")  # help and errors of one of these name no other
+    for name, row in (own if {*words[:1]} & {*own} else table("COMMANDS")).items():
         command = commands.add_parser(name, help=row.help)
         if name == asked:
             add_arguments = find(row.arguments)

@@ -1,7 +1,9 @@
-"""How numbers and warnings are put for people, and what they see while a long call runs."""
+"""How numbers and errors are put for people, what they see while a long call runs, and how they end it."""
 
 from __future__ import annotations
 
+import os
+import signal
 import sys
 import threading
 from collections.abc import Iterator
@@ -37,3 +39,32 @@ def millilitres(volume: float) -> str:
     ('14876.3 ml', '254.8 ml', '0.0004321 ml')
     """
     return f"{volume:.1f} ml" if volume >= 1000 else f"{volume:.4g} ml"
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Raise `KeyboardInterrupt` with the signal's number at SIGINT and SIGTERM; in the main thread alone."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+
+    def interrupt(number: int, _: object) -> None:
+        raise KeyboardInterrupt(number)
+
+    def heard(ignored: sys.UnraisableHookArgs) -> None:
+        if isinstance(ignored.exc_value, KeyboardInterrupt):  # C called back, as LLVM does: it asks again
+            threading.Timer(0.1, os.kill, (os.getpid(), (*ignored.exc_value.args, signal.SIGINT)[0])).start()
+        else:
+            hook(ignored)
+
+    hook, sys.unraisablehook = sys.unraisablehook, heard
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        for number, handler in before.items():
+            if handler != signal.SIG_IGN:  # nohup
+                signal.signal(number, interrupt)
+        yield
+    finally:
+        sys.unraisablehook = hook
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -17,9 +17,8 @@ import numpy.typing as npt
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import offsets_of, split_ragged
-from cccd.geometry.closed_splines import evaluate
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.polygons import RaggedPolygons, evaluate_spline
 from cccd.geometry.raster import rasterise_layers
 from cccd.tolerances import ORTHOGONALITY
 
@@ -192,6 +191,13 @@ class Guide:
     inside: np.ndarray
     origin: np.ndarray
 
+    @property
+    def ends(self) -> np.ndarray:
+        """First and last source ``(i, j)`` (2, 2) of what was drawn."""
+        ends = np.full((2, 2), self.index, np.int64)
+        ends[:, 1 - self.axis] = np.flatnonzero(self.inside.any(axis=0))[[0, -1]] + int(self.origin[1])
+        return ends
+
 
 @dataclass(frozen=True, eq=False)
 class Annotation:
@@ -207,6 +213,12 @@ class Annotation:
 
     slices: np.ndarray
     guides: tuple[Guide, ...] = ()
+
+    @property
+    def reach(self) -> np.ndarray | None:
+        """First and last source ``(i, j)`` (2, 2) of what was drawn on planes across; None without any."""
+        ends = np.array([guide.ends for guide in self.guides])
+        return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)]) if self.guides else None
 
     @property
     def gaps(self) -> list[tuple[int, int]]:
@@ -462,7 +474,7 @@ class Splines:
         parts = [np.zeros((0, 2))]
         for (control, knots), count in zip(self, counts.tolist(), strict=True):
             begin, end = float(knots[self.degree]), float(knots[-self.degree - 1])
-            parts.append(evaluate(knots, control, begin + (end - begin) * np.arange(count) / count))
+            parts.append(evaluate_spline(knots, control, begin + (end - begin) * np.arange(count) / count))
         return Curves(np.concatenate(parts), offsets_of(counts), self.slice, self.hole, self.frame)
 
 

@@ -1,4 +1,4 @@
-"""The ways to ordered contours that need no network: a mask is traced, drawn contours are taken.
+"""From slices to ordered contours without a network: a mask is traced, drawn contours are taken.
 
 The third way, for boundary pixels that still need ordering, is `cccd_junctions.ordering`. Which one a
 structure goes the workflow decides from the cohort sheet, before any job starts.
@@ -6,11 +6,252 @@ structure goes the workflow decides from the cohort sheet, before any job starts
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Hashable, Sequence
+from functools import lru_cache
+from itertools import pairwise
+from typing import Any, cast
 
-from cccd.containers import Curves, Structure
+import contourpy
+import numpy as np
+import scipy
+
+from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.errors import InputError
-from cccd.tracing import left_out, level_curves, trace_stack
+from cccd.geometry.arrays import (
+    FloatArray,
+    RealArray,
+    concatenate_ragged,
+    connected_parts,
+    owners_of,
+    split_ragged,
+)
+from cccd.geometry.opencv import borders_of, components
+from cccd.geometry.polygons import RaggedPolygons
+
+#: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
+NEAREST_HALF = 0.02
+
+
+def trace_mask(structure: Structure) -> Curves:
+    """Outer borders and borders of holes of a mask's slices, ordered exactly: no network needed.
+
+    See `trace_stack`; what has no polygon is counted by `left_out`.
+    """
+    return trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame)
+
+
+def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Frame) -> Curves:
+    """Border curves of every slice of a mask.
+
+    Parameters
+    ----------
+    mask : (S, I, J) bool array
+    origin : (3,) int
+        Source index (k, i, j) of the stack's first voxel.
+    frame : Frame
+        Of the source volume.
+
+    Returns
+    -------
+    Curves
+        Strictly simple closed 8-connected pixel chains, larger ones first within a slice.
+
+    Notes
+    -----
+    Border following (Suzuki and Abe 1985) visits a pixel twice where the organ is one pixel wide. The
+    walk is split there into loops that touch in that pixel only; what was walked back and forth (spurs,
+    lines, single pixels) encloses nothing and is dropped. The signed area is kept exactly.
+    """
+    whole, offsets, layers, holes = _border_walks(mask)
+    loop_points, loop_offsets, chain = _split_at_repeated_pixels(whole, offsets)
+    points = whole[loop_points].astype(float)
+    layer, within_hole = layers[chain], holes[chain]
+
+    # Outer borders and holes are walked in opposite senses; turn each chain so that the organ lies on
+    # the side that `Curves` wants. A loop around tissue that hangs into a hole is an outer curve.
+    chain_area = RaggedPolygons(whole.astype(float), offsets).signed_areas[chain]
+    area = RaggedPolygons(points, loop_offsets).signed_areas
+    area *= np.where((chain_area > 0) == within_hole, -1, 1)
+    return _oriented(points, loop_offsets, layer, area, np.asarray(origin), frame)
+
+
+def _border_walks(mask: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Walk around the borders of a mask (S, I, J).
+
+    Returns
+    -------
+    pixels : (P, 2) int64
+    offsets : (C + 1,) int64
+    layers : (C,) int64
+    holes : (C,) bool
+    """
+    chains: list[np.ndarray] = []
+    layers: list[int] = []
+    holes: list[bool] = []
+    for layer in np.flatnonzero(mask.any(axis=(1, 2))):
+        borders, of_holes = borders_of(mask[layer])
+        chains += borders
+        layers += [int(layer)] * len(borders)
+        holes += of_holes.tolist()
+    pixels, offsets = concatenate_ragged(chains)
+    return pixels.astype(np.int64), offsets, np.array(layers, np.int64), np.array(holes, bool)
+
+
+def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:
+    """Curves along which probabilities are one half, on every slice: below the pixel, without its steps.
+
+    Parameters
+    ----------
+    stack : ProbabilityStack
+        Linear between the centres of pixels, zero beyond its sides.
+    frame : Frame
+        Of the source volume.
+
+    Returns
+    -------
+    Curves
+        Simple and closed, larger ones first within a slice.
+    """
+    lines: list[np.ndarray] = []
+    layers: list[int] = []
+    for layer in np.flatnonzero((stack.values >= 0.5).any(axis=(1, 2))):
+        outside = np.pad(0.5 - stack.values[layer].astype(float), 1, constant_values=0.5)
+        field = np.copysign(np.maximum(np.abs(outside), NEAREST_HALF), np.where(outside > 0, 1.0, -1.0))
+        found = [line[:-1] - 1 for line in zero_contours(field)]
+        lines += found
+        layers += [int(layer)] * len(found)
+    points, offsets = concatenate_ragged(lines)
+    area = RaggedPolygons(points, offsets).signed_areas
+    return _oriented(points, offsets, np.array(layers, np.int64), area, np.asarray(stack.origin), frame)
+
+
+def _oriented(
+    points: np.ndarray,
+    offsets: np.ndarray,
+    layer: np.ndarray,
+    area: np.ndarray,
+    origin: np.ndarray,
+    frame: Frame,
+) -> Curves:
+    """Sort loops by slice and size and give each the orientation that the sign of ``area`` asks for."""
+    order = np.lexsort((-np.abs(area), layer))
+    loops = split_ragged(points, offsets)
+    turned = np.sign(area) != np.sign(RaggedPolygons(points, offsets).signed_areas)
+    loops = [loops[n][::-1] if turned[n] else loops[n] for n in order]
+    ragged, new_offsets = concatenate_ragged(loops)
+    return Curves(
+        ragged.astype(float) + origin[1:],
+        new_offsets,
+        (layer[order] + origin[0]).astype(np.int32),
+        area[order] < 0,
+        frame,
+    )
+
+
+def _split_at_repeated_pixels(
+    points: np.ndarray, offsets: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Split closed walks into loops without repeated pixels: their points, offsets, and walks."""
+    walk = owners_of(offsets)
+    order = np.lexsort((points[:, 1], points[:, 0], walk))
+    again = (np.diff(points[order], axis=0) == 0).all(axis=1) & (np.diff(walk[order]) == 0)
+    twice = set(walk[order[1:][again]].tolist())
+    loops: list[np.ndarray] = []
+    walks: list[int] = []
+    for n, (start, end) in enumerate(pairwise(offsets.tolist())):
+        pixels = map(tuple, points[start:end].tolist()) if n in twice else range(end - start)
+        found = [start + np.array(loop) for loop in _loops(list(pixels))]
+        loops += found
+        walks += [n] * len(found)
+    index, ends = concatenate_ragged(loops, 1)
+    return index.astype(np.int64), ends, np.array(walks, np.int64)
+
+
+def _loops(walk: Sequence[Hashable]) -> list[list[int]]:
+    """Which steps of a closed walk each of its loops has, of three places at least."""
+    loops: list[list[int]] = []
+    stack: list[int] = []
+    height: dict[Hashable, int] = {}  # at which a place stands on the stack
+    for n, place in enumerate(walk):
+        if place not in height:
+            height[place] = len(stack)
+            stack.append(n)
+            continue
+        bottom = height[place]  # back there: what lies above it on the stack is a loop
+        loops.append(stack[bottom:])
+        for m in stack[bottom + 1 :]:
+            del height[walk[m]]
+        del stack[bottom + 1 :]
+    return [loop for loop in [*loops, stack] if len(loop) >= 3]
+
+
+def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curves) -> dict[str, int]:
+    """Count what of a mask (S, I, J) its curves do not enclose.
+
+    Returns
+    -------
+    dict
+        ``components``: in-slice components (8-connected) too small to have a polygon;
+        ``component_pixels``: their pixels; ``spur_pixels``: pixels of other components that lie on spurs
+        or bridges one pixel wide; ``parts``: parts of the whole mask (26-connected) that have no polygon on
+        any slice; ``part_voxels``: their voxels; ``voxels``: the mask's.
+    """
+    missing = mask & ~curves.rasterise(origin, mask.shape)
+    small, spurs = np.zeros_like(mask), 0
+    sizes: list[int] = []
+    for k in np.flatnonzero(missing.any(axis=(1, 2))):
+        labels, size = components(np.asarray(mask[k], np.uint8), connectivity=8)
+        lost = np.bincount(labels[missing[k]], minlength=len(size))
+        whole = (lost == size) & (lost > 0)
+        small[k] = whole[labels]
+        sizes += size[whole].tolist()
+        spurs += int(lost[~whole].sum())
+    parts = _apart(mask, small)
+    return {
+        "components": len(sizes),
+        "component_pixels": sum(sizes),
+        "spur_pixels": spurs,
+        "parts": len(parts),
+        "part_voxels": int(parts.sum()),
+        "voxels": int(np.count_nonzero(mask)),
+    }
+
+
+def _apart(mask: np.ndarray, small: np.ndarray) -> np.ndarray:
+    """Voxels (P,) of each part (26-connected) of a mask (S, I, J) that is made of small components alone."""
+    at = np.argwhere(small)
+    if not len(at):
+        return np.zeros(0, int)
+    kept = np.pad(mask & ~small, 1)
+    near = np.any([kept[tuple((at + step).T)] for step in np.ndindex(3, 3, 3)], axis=0)
+    one, other = scipy.spatial.cKDTree(at).query_pairs(1.8, output_type="ndarray").T  # a corner: sqrt(3)
+    part = connected_parts(one, other, len(at))
+    return np.bincount(part)[np.bincount(part, near) == 0]
+
+
+def zero_contours(plane: RealArray) -> list[FloatArray]:
+    """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more.
+
+    Around what is negative they run counter-clockwise in (i, j), around holes in it clockwise.
+
+    Examples
+    --------
+    >>> plane = np.ones((3, 3))
+    >>> plane[1, 1] = -1
+    >>> zero_contours(plane)[0].tolist()
+    [[0.5, 1.0], [1.0, 0.5], [1.5, 1.0], [1.0, 1.5], [0.5, 1.0]]
+    """
+    rows, columns = _pixel_grid(*plane.shape)
+    generator = contourpy.contour_generator(columns, rows, plane)
+    return [line[:, ::-1] for line in cast("list[FloatArray]", generator.lines(0.0))]
+
+
+@lru_cache(maxsize=4)
+def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
+    """Rows and columns (H, W) of a plane's pixels, which contourpy would make anew for every plane."""
+    rows, columns = np.indices((height, width), float)
+    return rows, columns
+
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
@@ -28,7 +269,7 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     Returns
     -------
     curves : Curves
-        Closed, simple, oriented; see `cccd.tracing.trace_stack`.
+        Closed, simple, oriented; see `cccd.contours.trace_stack`.
     report : dict
         Plain JSON: ``method``, and in ``left_out`` what of the mask has no polygon: surfaces have it.
 

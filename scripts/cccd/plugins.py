@@ -44,6 +44,12 @@ PACKAGES = (
     *("cccd_walls", "cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 
+#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
+COLOUR = (0.80, 0.47, 0.40)
+
+#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
+NOTE = "CCCD surface; unit mm; SPACE=RAS"
+
 
 @dataclass(frozen=True)
 class Command:
@@ -87,7 +93,7 @@ class Format:
     holds : str
         What the file contains, for people.
     writer : str
-        Path of a function, called with path, surface and `cccd.files.write.ExportOptions`.
+        Path of a function, called with path, surface and `cccd.files.ExportOptions`.
     extra : str
         The extra that writes it.
     made_of : {"mesh", "solids", "tetrahedra"}
@@ -110,6 +116,39 @@ def folders() -> tuple[Path, ...]:
     return tuple(beside / name for name in PACKAGES if (beside / name / "__init__.py").is_file())
 
 
+def own_rows(name: str) -> Mapping[str, Any]:
+    """Rows of one table that the core itself has."""
+    return _rows_of(PACKAGES[0], name)
+
+
+def _rows_of(package: str, name: str) -> Mapping[str, Any]:
+    return getattr(import_module(f"{package}.plugin"), name, {})
+
+
+def row(name: str, key: str) -> Any:
+    """One row of a table, None where there is none: of what the core has itself, no other table is loaded.
+
+    >>> row("WRITERS", "ply").writer, row("WRITERS", "tsl")
+    ('cccd.files.write_ply', None)
+    """
+    return own_rows(name).get(key) or table(name).get(key)
+
+
+def formats(*made_of: str) -> dict[str, Format]:
+    """Every format by its name, in order, of all packages; or those that are made of something.
+
+    >>> "ply" in formats(), "ply" in formats("solids", "tetrahedra")
+    (True, False)
+    """
+    rows: Mapping[str, Format] = table("WRITERS")
+    return {name: form for name, form in sorted(rows.items()) if not made_of or form.made_of in made_of}
+
+
+def band_formats() -> tuple[str, ...]:
+    """Name formats of the error band's inner and outer surface, surface_inner.stl and surface_outer.stl."""
+    return tuple(f"band.{name}" for name in own_rows("WRITERS"))  # which are meshes
+
+
 @functools.cache
 def table(name: str) -> Mapping[str, Any]:
     """Rows of one table of all packages, by their names.
@@ -122,13 +161,13 @@ def table(name: str) -> Mapping[str, Any]:
     Examples
     --------
     >>> table("WRITERS")["ply"].writer
-    'cccd.files.meshes.write_ply'
+    'cccd.files.write_ply'
     """
     rows: dict[str, Any] = {}
     for folder in folders():
         if not (folder / "plugin.py").is_file():
             continue
-        more = getattr(import_module(f"{folder.name}.plugin"), name, {})
+        more = _rows_of(folder.name, name)
         if taken := rows.keys() & more:
             raise ValueError(f"{folder.name}: {name} has a row {min(taken)!r} already")
         rows |= more

@@ -7,8 +7,7 @@ from collections.abc import Callable
 from cccd.containers import Curves, MaskStack, ProbabilityStack, Sections, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.plugins import find, table
-from cccd.settings.boundaries import BoundarySettings
-from cccd.settings.junctions import InferenceSettings
+from cccd.settings.junctions import BoundarySettings, InferenceSettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface

@@ -11,6 +11,9 @@ from pathlib import Path
 
 from cccd.plugins import find, table
 
+#: The source of a row that names its files, as no cohort's layout and nothing made.
+FILES = "files"
+
 
 @dataclass(frozen=True)
 class Request:
@@ -43,7 +46,7 @@ class Request:
     case: str
     organ: str
     location: str
-    source: str = "files"
+    source: str = FILES
     folder: Path = Path()
     image: Path | None = None
     mask: Path | None = None
@@ -72,7 +75,7 @@ class Request:
             row["case"],
             row["organ"],
             row["location"],
-            row.get("source") or "files",
+            row.get("source") or FILES,
             folder,
             path("image"),
             path("mask"),
@@ -97,5 +100,7 @@ def completed(request: Request) -> Request:
     InputError
         A name that does not follow the layout, or an organ that the cohort does not have.
     """
+    if request.source == FILES or request.image is None:
+        return request
     layout = table("LAYOUTS").get(request.source)
-    return request if layout is None or request.image is None else find(layout)(request, request.image)
+    return request if layout is None else find(layout)(request, request.image)

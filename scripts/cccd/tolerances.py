@@ -26,9 +26,6 @@ SHRUNK_PART = 0.5
 #: Weight of a control polygon's bending against the data's; it only decides what the data leave open.
 RIDGE = 1e-7
 
-#: A surface whose volume differs from its organ's by more than this share gets a warning.
-VOLUME_BIAS = 0.05
-
 #: A surface that is moved until it holds a volume holds it but for this share.
 HELD_VOLUME = 1e-4
 

@@ -9,7 +9,7 @@ from tqdm import tqdm
 
 import cccd
 from cccd.bands import Calibration, Reader
-from cccd.commands.outputs import check_files
+from cccd.commands import check_files
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.settings.root import Settings

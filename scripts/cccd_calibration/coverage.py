@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from cccd.bands.calibration import REGIMES, Calibration
-from cccd.bands.signs import SIGNS
+from cccd.bands import REGIMES, SIGNS, Calibration
 from cccd_calibration.factors import Thinned
 
 #: Classes of thickness in pixels.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from cccd.bands.calibration import REGIMES, SHARES, Calibration, Regime
+from cccd.bands import REGIMES, SHARES, Calibration, Regime
 from cccd.geometry.arrays import FloatArray, SingleArray
 from cccd_calibration.conformal import coverage_curve, smallest_factor, too_few_organs
 

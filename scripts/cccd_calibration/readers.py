@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from cccd.bands import Calibration, Reader, estimate_band
-from cccd.bands.calibration import SHARES
+from cccd.bands import SHARES, Calibration, Reader, estimate_band
 from cccd.containers import Structure
 from cccd.contours import trace_contours
 from cccd.errors import InputError

@@ -9,7 +9,7 @@ from scipy.spatial import ConvexHull
 from scipy.spatial.distance import pdist
 from scipy.special import ndtri
 
-from cccd.bands.band import Band
+from cccd.bands import Band
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh

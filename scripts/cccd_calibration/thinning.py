@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.spatial import cKDTree
 
-from cccd.bands.calibration import Calibration
-from cccd.bands.signs import signs_of
+from cccd.bands import Calibration, signs_of
 from cccd.containers import Frame, Structure
 from cccd.contours import trace_contours
 from cccd.errors import InputError
@@ -20,11 +19,11 @@ from cccd.inputs.annotation import EVERY_SLICE, NONEMPTY
 from cccd.inputs.load import structure_of_array
 from cccd.settings.root import Settings
 from cccd.surface.loft import loft_in_plane
-from cccd.surface.measure import mask_surface
 from cccd.surface.spline import SplineSolid
 from cccd_calibration.conformal import fewest_organs, too_few_organs
 from cccd_calibration.factors import Thinned, calibrate
 from cccd_calibration.samples import largest_diameter
+from cccd_workflow.surface_measures import mask_surface
 
 #: Every n-th slice is kept.
 EVERY = (2, 3, 4, 6, 8, 10)

@@ -11,3 +11,9 @@ module               holds
 ``whole_scans``      scans that are not cropped to their organ, to segment
 ===================  ===============================================================================
 """
+
+#: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
+PHANTOM_ORGANS = (
+    *("A", "H", "X", "bronchi", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres"),
+)
+PHANTOM_DISTANCES_MM = (2, 5, 8)

@@ -12,8 +12,7 @@ from pydicom.dataset import Dataset
 from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
-from cccd.files.meshes import binary_stl
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions, binary_stl
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface

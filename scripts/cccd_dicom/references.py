@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cccd.dicom_objects import header_of
+from cccd.file_headers import header_of
 
 #: Sequences, each in the one before where there is one, that lead to the series of a SEG or an RTSTRUCT.
 _REFERENCES = (

@@ -26,7 +26,7 @@ from pydicom.uid import (
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions
 from cccd.geometry.arrays import FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections

@@ -17,7 +17,7 @@ from pydicom.dataset import Dataset
 from pydicom.uid import generate_uid
 
 from cccd.errors import InputError
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions
 from cccd.geometry.arrays import ByteArray, FloatArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise

@@ -27,7 +27,7 @@ from cccd.containers import (
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, offsets_of, ranks_of
 from cccd.geometry.opencv import distance_to_zero
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 
 #: Side of the square dilation kernel in pixels (section 4.3).
 KERNEL = 5

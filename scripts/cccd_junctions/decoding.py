@@ -9,9 +9,9 @@ import cv2
 import numpy as np
 
 from cccd.containers import Curves, Frame
+from cccd.contours import trace_stack
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, concatenate_ragged, offsets_of, split_ragged
-from cccd.tracing import trace_stack
 from cccd_junctions.boundary import outline
 from cccd_junctions.delaunay import DelaunayGraph, any_corner
 

@@ -20,8 +20,7 @@ from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, RealArray, owners_of, sum_per_part
 from cccd.project import SHIPPED_WEIGHTS
-from cccd.settings.boundaries import BoundarySettings
-from cccd.settings.junctions import InferenceSettings
+from cccd.settings.junctions import BoundarySettings, InferenceSettings
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.decoding import closed_chains
 from cccd_junctions.greedy_chains import isolated_corners, junction_pixels

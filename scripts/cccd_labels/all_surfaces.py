@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 from tqdm import tqdm
 
-from cccd.commands.outputs import describe_surface, print_json, with_name, write_with_band
+from cccd.commands import describe_surface, print_json, with_name, write_with_band
 from cccd.console import print_error
 from cccd.errors import InputError
-from cccd.files.write import format_of
+from cccd.files import format_of
 from cccd.store import atomic_path
 from cccd.surface.between import near_pairs
 from cccd_labels.progress import OrganLines, joined_warnings, organ_table

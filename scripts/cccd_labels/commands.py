@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from tqdm import tqdm
 
-from cccd.commands.outputs import check_files, with_name
+from cccd.commands import check_files, with_name
 from cccd.containers import Grid
 from cccd.errors import InputError
 from cccd.inputs.load import existing

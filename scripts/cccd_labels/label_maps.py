@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from cccd.dicom_objects import object_in
 from cccd.errors import InputError
+from cccd.file_headers import object_in
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.labels import freesurfer_labels, plain_name

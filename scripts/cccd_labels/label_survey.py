@@ -11,8 +11,8 @@ import numpy as np
 
 from cccd.api import read
 from cccd.containers import Structure
-from cccd.dicom_objects import object_in
 from cccd.errors import InputError
+from cccd.file_headers import object_in
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs import read_request
 from cccd.inputs.annotation import AUTO

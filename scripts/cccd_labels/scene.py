@@ -9,11 +9,11 @@ from typing import Any, NamedTuple, cast
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.files.gltf import TO_GLTF, gltf_material
+from cccd.files import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxels_within
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.settings.formats import NOTE
+from cccd.plugins import NOTE
 from cccd_labels.label_maps import colour_of
 
 _CONTEXT = "Segmentation category and type - 3D Slicer General Anatomy list"

@@ -19,7 +19,7 @@ from scipy import ndimage
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, offsets_of
@@ -28,8 +28,8 @@ from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import with_undrawn_filled
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_report, read_structure
-from cccd.surface.borders import find_borders
 from cccd.surface.checks import check_walls, crossing
+from cccd.surface.distances import find_borders
 from cccd.surface.loft import band_of
 from cccd.surface.smooth_mesh import ROUNDS, default_wave
 from cccd.surface.surface import LoftedSurface

@@ -1,1 +1,1 @@
-"""Meshes of others, and contours in planes of several directions, as organs: mended, cut, smoothed."""
+"""Meshes of others, and contours in planes of several directions, as organs; meshes of even triangles."""

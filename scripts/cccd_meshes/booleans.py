@@ -5,7 +5,7 @@ from __future__ import annotations
 import manifold3d
 from manifold3d import Manifold
 
-from cccd.geometry.booleans import manifold_of, mesh_of
+from cccd.geometry.flat_caps import manifold_of, mesh_of
 from cccd.geometry.mesh import Mesh
 
 

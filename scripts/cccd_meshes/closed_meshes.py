@@ -13,8 +13,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.containers import Frame, Structure
-from cccd.dicom_objects import dicom_modality
 from cccd.errors import InputError
+from cccd.file_headers import dicom_modality
 from cccd.geometry.arrays import IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections

@@ -7,11 +7,16 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from cccd.commands.arguments import settings_of
-from cccd.commands.outputs import check_outputs, describe_surface, print_surfaces, write_with_band
-from cccd.commands.surface import uniform
+from cccd.commands import (
+    check_outputs,
+    describe_surface,
+    print_surfaces,
+    settings_of,
+    uniform,
+    write_with_band,
+)
 from cccd.errors import InputError
-from cccd.files.write import format_of
+from cccd.files import format_of
 from cccd_meshes.closed_meshes import drawn_planes
 from cccd_meshes.read_meshes import is_mesh
 from cccd_meshes.smooth import smooth_mesh
@@ -19,12 +24,15 @@ from cccd_meshes.smooth import smooth_mesh
 
 def make_surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> int | None:
     """Make a smooth surface of a mesh or of planes, or put it onto a scan's grid; None of another input."""
-    if not _is_shape(given.input, given.label):
+    try:
+        is_shape = is_mesh(given.input) or drawn_planes(given.input, given.label) is not None
+    except InputError:
+        is_shape = given.input.name.lower().endswith(".csl")  # a damaged one
+    if not is_shape:
         return None
-    labelled = bool(given.label) and not given.input.name.lower().endswith(".dcm")
-    from_image = bool(given.seed) or given.threshold is not None
-    voxels = (labelled, given.all_labels, given.boundary, from_image, given.band, given.samples is not None)
-    if any(voxels):
+    labelled = given.label and not given.input.name.lower().endswith(".dcm")
+    values = [value for value in (given.threshold, given.samples) if value is not None]
+    if labelled or given.all_labels or given.boundary or given.seed or given.band or values:
         problem = "a mesh has no labels, grey values, boundary maps or error band"
         raise InputError(given.input.name, problem, "leave --label, --threshold and their like out")
     like = given.like or given.image
@@ -36,16 +44,5 @@ def make_surface_of_mesh(given: argparse.Namespace, outputs: Sequence[Path]) -> 
     began = time.perf_counter()
     surface = uniform(smooth_mesh(given.input, like, label=given.label, settings=settings), given)
     files = [file for path in outputs for file in write_with_band(surface, path, settings, False)]
-    made = describe_surface(surface, files, time.perf_counter() - began)
-    print_surfaces(given, [made])
+    print_surfaces(given, [describe_surface(surface, files, time.perf_counter() - began)])
     return 0
-
-
-def _is_shape(path: Path, label: str) -> bool:
-    """Whether a file is a mesh, or contours in planes of several directions."""
-    if is_mesh(path):
-        return True
-    try:
-        return drawn_planes(path, label) is not None
-    except InputError:
-        return path.name.lower().endswith(".csl")

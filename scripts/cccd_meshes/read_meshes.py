@@ -14,15 +14,14 @@ import numpy as np
 
 from cccd.errors import InputError
 from cccd.extras import needing
-from cccd.files.gltf import TO_GLTF
+from cccd.files import TO_GLTF
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply
 from cccd.geometry.subdivision import DRAWN, LARGE
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
 from cccd.plugins import find, table
-from cccd.store import read_bodies
+from cccd.store import read_bodies, read_ply
 
 #: Suffixes of solids, which another package reads.
 CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
@@ -70,7 +69,7 @@ def read_mesh(path: str | Path) -> MeshFile:
     Examples
     --------
     >>> import tempfile
-    >>> from cccd.files.meshes import binary_stl
+    >>> from cccd.files import binary_stl
     >>> corner = np.array([(0.0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)])
     >>> tetrahedron = Mesh(corner, np.array([(0, 2, 1), (0, 1, 3), (1, 2, 3), (0, 3, 2)]))
     >>> path = Path(tempfile.mkdtemp()) / "solid.stl"
@@ -123,7 +122,7 @@ def _gltf(path: Path) -> MeshFile:
 
 
 def _vtp(path: Path) -> MeshFile:
-    from cccd.geometry._vtk import vtk
+    from cccd.geometry.mesh import vtk
 
     support, filters = vtk("util.numpy_support"), vtk("vtkFiltersCore")
     reader = vtk("vtkIOXML").vtkXMLPolyDataReader()

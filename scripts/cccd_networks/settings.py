@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Literal
 
+from cccd.settings import Section, setting
 from cccd.settings.junctions import JunctionSettings
-from cccd.settings.section import Section, setting
 
 # Gates per link: four channels each.
 _HEADS = 8

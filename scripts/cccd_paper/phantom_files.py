@@ -10,9 +10,8 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Structure
-from cccd.geometry.ply import write_ply
 from cccd.inputs.nifti_export import write_nifti
-from cccd.store import atomic_path, read_table
+from cccd.store import atomic_path, read_table, write_ply
 
 
 def write_scan(image: str | Path, mask: str | Path, structure: Structure) -> None:

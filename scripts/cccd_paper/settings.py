@@ -6,7 +6,7 @@ from typing import Annotated, Literal, get_args
 
 from pydantic import AfterValidator, Field
 
-from cccd.settings.section import Section, setting, without_repeats
+from cccd.settings import Section, setting, without_repeats
 
 _Method = Literal[
     "marching cubes",

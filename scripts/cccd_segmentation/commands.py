@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 
 import cccd
-from cccd.commands.outputs import check_files, check_outputs, describe_surface, plain_stem, print_surface
+from cccd.commands import check_files, check_outputs, describe_surface, plain_stem, print_surface
 from cccd.errors import InputError
 from cccd.inputs.load import existing
 from cccd.inputs.row_files import read_image

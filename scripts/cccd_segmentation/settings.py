@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cccd.settings.section import Section, setting
+from cccd.settings import Section, setting
 
 #: Segmenters that are called by their own commands, where they are installed.
 INSTALLED_SEGMENTERS = ("totalsegmentator", "nnunetv2:FOLDER")

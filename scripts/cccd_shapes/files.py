@@ -11,9 +11,8 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Frame
-from cccd.geometry._vtk import xml_of
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, xml_of
 from cccd.geometry.subdivision import ControlMesh
 from cccd.project import PROJECT
 from cccd.store import atomic_path, write_table

@@ -22,7 +22,7 @@ from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.surface.spline_fit import SAMPLED, SplineFit, Target
+from cccd.surface.spline import SAMPLED, SplineFit, Target
 from cccd_shapes.template import Template
 
 #: Triangles of a subject's mesh that are used at most.

@@ -10,12 +10,12 @@ import numpy as np
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, eigsh, splu
 
-from cccd.geometry._igl import igl
 from cccd.geometry.arrays import FloatArray
+from cccd.geometry.distance import igl
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.control_mesh import control_mesh
-from cccd.surface.spline_fit import Target, fit_spline
+from cccd.surface.spline import Target, fit_spline
 
 #: Smooth modes, three of which (one for each axis) move the surface as one.
 MODES = 100

@@ -17,7 +17,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.formats import COLOUR
+from cccd.plugins import COLOUR
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SOLID_VOLUME
 from cccd_solids.bodies import nest_pieces, split_bodies

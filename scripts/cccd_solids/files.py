@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions
 from cccd.surface.surface import LoftedSurface
 from cccd_solids.build import build_solids, write_solids
 

@@ -7,7 +7,7 @@ import numpy as np
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.control_mesh import control_mesh
-from cccd.surface.spline_fit import Target, fit_spline
+from cccd.surface.spline import Target, fit_spline
 from cccd_solids.shells import follows
 
 #: The spline is fitted to planes at a mesh's vertices, so its triangles are split until they are about as

@@ -20,9 +20,9 @@ from scipy.spatial import cKDTree
 from cccd.errors import InputError
 from cccd.extras import needing
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.closed_splines import DEGREE
 from cccd.geometry.mesh import Mesh
-from cccd.settings.formats import COLOUR
+from cccd.geometry.polygons import DEGREE
+from cccd.plugins import COLOUR
 from cccd_solids.step_points import share_points
 
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.

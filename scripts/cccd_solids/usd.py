@@ -12,9 +12,9 @@ from typing import Any, cast
 
 import numpy as np
 
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.settings.formats import COLOUR, NOTE
+from cccd.plugins import COLOUR, NOTE
 from cccd.surface.surface import LoftedSurface
 
 #: USD's colours are linear; ours are sRGB.

@@ -9,9 +9,9 @@ from typing import Any, cast
 import numpy as np
 import numpy.typing as npt
 
-from cccd.files.write import ExportOptions
-from cccd.geometry._vtk import xml_of
+from cccd.files import ExportOptions
 from cccd.geometry.arrays import IntArray
+from cccd.geometry.mesh import xml_of
 from cccd.surface.surface import LoftedSurface
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.filling import TetrahedralMesh

@@ -1,7 +1,7 @@
 """Calibrate the error bands on exact truth: ``python -m cccd_training.bands``.
 
 Random bodies, phantoms and nilearn's cortical surfaces are cut into slices and reconstructed; writes
-``cccd/bands/shipped.json``, and prints what held-out bands cover. Meshes of ``--kept`` train nothing.
+``cccd/bands.json``, and prints what held-out bands cover. Meshes of ``--kept`` train nothing.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ from scipy.spatial.transform import Rotation
 from scipy.special import expit
 from tqdm.contrib.concurrent import process_map
 
-from cccd.bands.calibration import REGIMES, SHIPPED, Calibration, Curve
-from cccd.bands.signs import SIGNS
+from cccd.bands import REGIMES, SHIPPED, SIGNS, Calibration, Curve
 from cccd.contours import trace_contours
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray

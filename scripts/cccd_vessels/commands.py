@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from tqdm import tqdm
 
 import cccd
-from cccd.commands.outputs import check_files, plain_stem
+from cccd.commands import check_files, plain_stem
 from cccd.console import clock, millilitres
 from cccd.errors import InputError
 from cccd_meshes.closed_meshes import read_closed_mesh

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.geometry._vtk import xml_of
+from cccd.geometry.mesh import xml_of
 from cccd.store import atomic_path
 from cccd_vessels.centrelines import Branch, Centrelines
 

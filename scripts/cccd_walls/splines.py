@@ -2,7 +2,7 @@
 
 Control points on seams are those of the walls on all their sides, so neighbours meet exactly. They are fitted
 first, to the seams as curves; then those within the walls move along the normals until the walls lie on those
-of the complex, by plain least squares as where an organ is alone (`cccd.surface.spline_fit`).
+of the complex, by plain least squares as where an organ is alone (`cccd.surface.spline`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh, quad_edges
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
-from cccd.surface.spline_fit import ROUNDS, SAMPLED, SplineFit, Target, neighbour_means
+from cccd.surface.spline import ROUNDS, SAMPLED, SplineFit, Target, neighbour_means
 from cccd.surface.surface import LoftedSurface
 from cccd_walls.complexes import WallComplex
 

@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 from nibabel.orientations import aff2axcodes
 
-from cccd.commands.arguments import add_input, read_given
-from cccd.commands.outputs import check_files
+from cccd.commands import add_input, check_files, read_given
 from cccd.console import print_error
 from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
 from cccd.errors import InputError

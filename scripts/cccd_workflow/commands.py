@@ -8,8 +8,7 @@ import os
 import sys
 from pathlib import Path
 
-from cccd.commands.arguments import add_band, add_input, read_given
-from cccd.commands.outputs import check_files
+from cccd.commands import add_band, add_input, check_files, read_given
 from cccd.errors import InputError
 from cccd.store import check_writable
 
@@ -179,8 +178,8 @@ def _report(given: argparse.Namespace) -> int:
 
 
 def _export(given: argparse.Namespace) -> int:
-    from cccd.commands.outputs import check_outputs, with_name
-    from cccd.files.write import ExportOptions, write_surface
+    from cccd.commands import check_outputs, with_name
+    from cccd.files import ExportOptions, write_surface
     from cccd.store import read_drawn
     from cccd.surface.surface import read_surface
 

@@ -18,17 +18,16 @@ from cccd.errors import InputError, choices
 from cccd.geometry.arrays import BoolArray, FloatArray
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxelise
+from cccd.geometry.raster import dice, voxelise
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.labels import plain_name
 from cccd.inputs.load import existing
-from cccd.metrics import Gaps, dice, normal_angles
-from cccd.surface.measure import SAMPLES, normal_figures, voxel_surface
 from cccd_labels.label_survey import measure_labels
 from cccd_meshes.booleans import shared_volume
 from cccd_meshes.closed_meshes import mend
 from cccd_meshes.read_meshes import is_mesh, read_mesh
 from cccd_workflow.limits import LIMITS, TOLERANCE_MM
+from cccd_workflow.surface_measures import SAMPLES, Gaps, normal_angles, normal_figures, voxel_surface
 
 
 @dataclass(frozen=True)
@@ -43,7 +42,7 @@ class _Shape:
 
     @classmethod
     def of_mesh(cls, mesh: Mesh) -> _Shape:
-        closed = mesh.is_closed
+        closed = is_closed(mesh)
         mesh = mesh.outwards() if closed else mesh
         return cls("", "", mesh, mesh.volume if closed else None)
 
@@ -208,7 +207,7 @@ def _read(given: str | Path | Surface, label: str, notes: list[str]) -> list[_Sh
 
 def _closed(mesh: Mesh, location: str, notes: list[str]) -> Mesh:
     """Mend a mesh that bounds no volume, and say what was mended; one with wide holes stays as it is."""
-    if mesh.is_closed:
+    if is_closed(mesh):
         return mesh
     try:
         mended = mend(mesh, location)
@@ -363,3 +362,12 @@ def solid_dice(first: Mesh, second: Mesh) -> float | None:
     """Dice of what two closed meshes enclose, exact; None where one of them bounds no solid."""
     shared = shared_volume(first, second)
     return None if shared is None else min(1.0, 2 * shared / (first.volume + second.volume))
+
+
+def is_closed(mesh: Mesh) -> bool:
+    """Whether faces run along every edge as often one way as the other: the mesh bounds a volume."""
+    if len(mesh.faces) == 0:
+        return False
+    count = int(mesh.faces.max()) + 1
+    start, end = mesh.faces.ravel(), np.roll(mesh.faces, -1, axis=1).ravel()
+    return np.array_equal(np.sort(start * count + end), np.sort(end * count + start))

@@ -9,14 +9,13 @@ from typing import Any, cast
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.files.gltf import TO_GLTF
-from cccd.geometry._vtk import xml_of
+from cccd.files import TO_GLTF
 from cccd.geometry.distance import to_mesh
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, xml_of
 from cccd.project import PROJECT
 from cccd.store import atomic_path
 from cccd_viewers.page_files import View
-from cccd_workflow.comparison import Compared, Comparison
+from cccd_workflow.comparison import Compared, Comparison, is_closed
 
 #: A page shows at most so many triangles of each surface.
 _TRIANGLES = 30_000
@@ -115,7 +114,7 @@ def _view(row: Compared, other: str) -> View:
     assert row.other is not None
     shown, theirs = mesh.simplified(_TRIANGLES), row.other.simplified(_TRIANGLES)
     distance = to_mesh(shown.vertices, row.other)
-    if not row.other.is_closed:
+    if not is_closed(row.other):
         distance = np.abs(distance)
     return View({"surface": shown, "cubes": theirs}, {"distance": distance}, len(mesh.faces), other, {})
 

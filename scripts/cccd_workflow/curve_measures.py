@@ -11,8 +11,7 @@ import shapely
 
 from cccd.containers import Curves, Splines
 from cccd.geometry.arrays import owners_of
-from cccd.geometry.raster import rasterise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, rasterise
 
 #: A pixel is a bit of the file.
 _ONE_BIT = [cv2.IMWRITE_PNG_BILEVEL, 1]

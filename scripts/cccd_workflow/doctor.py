@@ -82,7 +82,7 @@ def _opengl() -> Finding:
     import numpy as np
 
     from cccd.geometry.mesh import Mesh
-    from cccd.geometry.ply import write_ply
+    from cccd.store import write_ply
     from cccd_workflow.report.render import VTK_PACKAGE, render_surface
 
     corners = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], float)

@@ -18,9 +18,9 @@ import traceback
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
+from cccd.console import interruptible
 from cccd.errors import InputError
 from cccd.extras import missing_extra
-from cccd.interruption import interruptible
 
 #: Stands in the environment of the jobs of a batch.
 BATCH = "CCCD_BATCH"

@@ -17,8 +17,8 @@ from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.sections import cross_sections
-from cccd.surface.measure import mask_surface
 from cccd_viewers.page_files import View
+from cccd_workflow.surface_measures import mask_surface
 
 #: Lines of the error band on slices are kept to this share of a pixel.
 _LINE_PX = 0.05

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from cccd.geometry.closed_splines import extend_knots
+from cccd.geometry.polygons import extend_knots
 
 
 def circle(count: int, radius: float = 40.0, centre: tuple[float, float] = (50.0, 60.0)) -> np.ndarray:

@@ -12,13 +12,13 @@ from cccd import store
 from cccd.bands import Band
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Structure
+from cccd.contours import trace_mask
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
+from cccd.store import read_ply, write_ply
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
-from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_viewers.page_files import write_view
 from cccd_workflow import stage_files

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame, Structure
+from cccd.contours import trace_mask
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import trace_mask
 
 SETTINGS = LoftSettings()
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame
+from cccd.contours import trace_stack
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.tracing import trace_stack
 
 SHAPE = (420, 420, 12)
 

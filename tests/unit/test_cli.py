@@ -20,8 +20,8 @@ from support import fresh, scans
 
 import cccd
 from cccd.cli import main
-from cccd.commands.outputs import print_surface
-from cccd.interruption import interruptible
+from cccd.commands import print_surface
+from cccd.console import interruptible
 from cccd_labels.label_maps import colour_of
 from cccd_workflow.doctor import _extra
 
@@ -53,6 +53,18 @@ def files(folder):
 
 def contents(folder):
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+def test_a_plain_mask_needs_few_modules_and_no_other_package(here):
+    code = """
+import sys
+from cccd.cli import main
+assert main(["surface", "liver.nii.gz"]) == 0
+print(*(name for name in sys.modules if name.split(".")[0].startswith("cccd")))
+"""
+    names = fresh.python(code).splitlines()[-1].split()
+    assert len(names) <= 60
+    assert {name.split(".")[0] for name in names} == {"cccd"}
 
 
 def test_a_mask_becomes_a_surface(here, capsys):

@@ -44,6 +44,7 @@ DISTRIBUTIONS = {
     "yaml": "pyyaml",
     "fast_simplification": "fast-simplification",
     "igl": "libigl",
+    "pydantic_core": "pydantic",
 }
 
 

@@ -164,7 +164,7 @@ sys.modules.update(dict.fromkeys(sum(EXTRAS.values(), ())))
 import cccd
 from cccd.cli import main
 from cccd.plugins import folders
-from cccd.settings.validation import validate_config
+from cccd.settings.root import validate_config
 assert len(folders()) == 1
 ball = np.indices((20, 20, 20)).astype(float) - 10
 mask = np.hypot(np.hypot(*ball[:2]), ball[2]) <= 7

@@ -9,6 +9,7 @@ import trimesh
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from support.solids import torus
 
 from cccd import store
 from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Splines, Structure
@@ -16,7 +17,7 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.store import read_table, write_table
+from cccd.store import read_ply, read_table, write_ply, write_table
 from cccd.surface.control_mesh import join_in_pairs, split_to_quads
 from cccd_viewers import page_files as pages
 from cccd_workflow import stage_files
@@ -196,3 +197,24 @@ def test_a_table_that_is_absent_or_without_rows_is_none(tmp_path, table):
     assert read_table(tmp_path / "table.csv") is None
     write_table(tmp_path / "table.csv", table)
     assert read_table(tmp_path / "table.csv") is None
+
+
+def test_a_mesh_comes_back_to_the_last_bit(tmp_path):
+    mesh = torus()
+    write_ply(tmp_path / "a.ply", mesh, "unit mm")
+    back = read_ply(tmp_path / "a.ply")
+    assert np.array_equal(back.vertices, mesh.vertices)
+    assert np.array_equal(back.faces, mesh.faces)
+    assert b"\ncomment unit mm\n" in (tmp_path / "a.ply").read_bytes()[:200]
+    other = trimesh.load(tmp_path / "a.ply", process=False)
+    assert np.array_equal(other.faces, mesh.faces)
+
+
+def test_half_a_file_and_other_meshes_are_refused(tmp_path):
+    write_ply(tmp_path / "a.ply", torus(), "unit mm")
+    whole = (tmp_path / "a.ply").read_bytes()
+    (tmp_path / "half.ply").write_bytes(whole[: len(whole) // 2])
+    torus().to_trimesh().export(tmp_path / "other.ply")
+    for name in ("half.ply", "other.ply"):
+        with pytest.raises(InputError, match="not a mesh that the lofting wrote"):
+            read_ply(tmp_path / name)

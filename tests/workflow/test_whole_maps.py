@@ -9,8 +9,7 @@ import pandas as pd
 import pytest
 
 import cccd
-from cccd.geometry.ply import read_ply
-from cccd.store import read_bodies
+from cccd.store import read_bodies, read_ply
 
 #: Files of whole cases, by the module that they need and their format.
 CASE_FORMATS = {

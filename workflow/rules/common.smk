@@ -36,8 +36,8 @@ from cccd_workflow.plan.plan import Plan, files_of_comparison
 from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
 from cccd_segmentation.networks import networks
-from cccd.settings.formats import SOLID_FORMATS
-from cccd.settings.imports import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
+from cccd.plugins import formats
+from cccd_datasets import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.errors import nearest
 
 #: Made in a run with rows whose files are missing and removed at its end, so that there is always a job to run:

@@ -18,7 +18,7 @@ SHARING = [(case,) for case in cohort.shared]
 
 wildcard_constraints:
     exported=plan.other_exports,
-    scene_format="|".join(SOLID_FORMATS),
+    scene_format="|".join(formats("solids")),
 
 
 rule loft_surface:

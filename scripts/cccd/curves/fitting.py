@@ -21,8 +21,7 @@ from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
 from cccd.curves.knots import FEWEST, FEWEST_SAMPLES, SPACING_PX, STAIRCASE_PX, fit_closed_spline, reference
 from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split_ragged, sum_per_part
-from cccd.geometry.closed_splines import DEGREE, evaluate, extend_knots
-from cccd.geometry.polygons import RaggedPolygons
+from cccd.geometry.polygons import DEGREE, RaggedPolygons, evaluate_spline, extend_knots
 from cccd.settings.curves import CurveSettings
 
 #: Makes splines of curves, and says how far (C,) in pixels each may lie from its curve.
@@ -331,7 +330,7 @@ def crossing_place(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
 def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Points (N, 2) along a spline, ever closer where it turns: no fold is small between two of them."""
     u = _looks(knots)
-    points = evaluate(knots, control, u)
+    points = evaluate_spline(knots, control, u)
     for _ in range(_CHECKED_CLOSER):
         step = np.roll(points, -1, axis=0) - points
         before = np.roll(step, 1, axis=0)
@@ -342,7 +341,7 @@ def _line(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
             break
         gap = np.diff(u, append=knots[-DEGREE - 1] - knots[DEGREE] + u[0])
         u = np.sort(np.concatenate([u, *(u[begin] + share * gap[begin] for share in (0.25, 0.5, 0.75))]))
-        points = evaluate(knots, control, u)
+        points = evaluate_spline(knots, control, u)
     return points
 
 

@@ -23,7 +23,7 @@ from cccd.curves.periodic import (
     value_at,
 )
 from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
-from cccd.geometry.closed_splines import DEGREE, extend_knots
+from cccd.geometry.polygons import DEGREE, extend_knots
 from cccd.tolerances import RIDGE, STILL, TINY
 
 #: Control points a closed cubic spline needs.

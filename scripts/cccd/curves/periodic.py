@@ -13,7 +13,7 @@ import numpy as np
 
 from cccd.geometry._jit import jit, jit_within
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.closed_splines import DEGREE
+from cccd.geometry.polygons import DEGREE
 from cccd.tolerances import RIDGE, TINY
 
 
@@ -258,7 +258,7 @@ def _step(knots, curve, points, parameters, last, steps, distance):
             before = u
 
 
-# Spans: numbered, with knots and control points, as in `cccd.geometry.closed_splines` -----------------------
+# Spans: numbered, with knots and control points, as in `cccd.geometry.polygons` -----------------------
 
 
 @jit_within

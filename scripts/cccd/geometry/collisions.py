@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from cccd.geometry._igl import igl
 from cccd.geometry.arrays import (
     BoolArray,
     FloatArray,
@@ -24,6 +23,7 @@ from cccd.geometry.arrays import (
     ranks_of,
     unit_vectors,
 )
+from cccd.geometry.distance import predicates
 from cccd.geometry.mesh import opposite_sides, pinched_vertices
 
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
@@ -93,10 +93,10 @@ def passing_pairs(vertices: FloatArray, faces: IntArray, of: BoolArray | None = 
     vertices, faces = np.ascontiguousarray(vertices, float), np.ascontiguousarray(faces, np.int64)
     if of is None:
         chosen = np.flatnonzero(may_cross(vertices, faces))
-        pairs = chosen[igl.predicates.find_self_intersections(vertices, faces[chosen])[1].reshape(-1, 2)]
+        pairs = chosen[predicates.find_self_intersections(vertices, faces[chosen])[1].reshape(-1, 2)]
     else:
         chosen = np.flatnonzero(of)
-        pairs = igl.predicates.find_intersections(vertices, faces[chosen], vertices, faces)[1].reshape(-1, 2)
+        pairs = predicates.find_intersections(vertices, faces[chosen], vertices, faces)[1].reshape(-1, 2)
         pairs[:, 0] = chosen[pairs[:, 0]]
     pairs = np.sort(pairs, axis=1)
     pairs = np.column_stack(np.divmod(np.unique(pairs @ [len(faces), 1]), max(len(faces), 1)))

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import FloatArray, IntArray, RealArray
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, triangles_of, vtk
 
 
 @dataclass(frozen=True, eq=False)

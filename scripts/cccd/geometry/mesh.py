@@ -1,21 +1,50 @@
-"""Triangle meshes and what is measured on them: volume, area, bending, soundness."""
+"""Triangle meshes and what is measured on them: volume, area, bending, soundness.
+
+VTK's own modules are each loaded where they are needed: a tenth of a second, without PyVista.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 
 import numpy as np
 import scipy
 
-from cccd.geometry._vtk import triangles_of, vtk
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, distinct, unit_vectors
 
 if TYPE_CHECKING:
     import pyvista
     import trimesh
+
+
+def vtk(name: str) -> Any:
+    """Load a module of VTK by its name; its types are looser than what it returns."""
+    return cast(Any, import_module(f"vtkmodules.{name}"))
+
+
+def triangles_of(filter_: Any) -> tuple[FloatArray, IntArray]:
+    """Run a filter that makes triangles and return their vertices (V, 3) and faces (F, 3)."""
+    filter_.Update()
+    mesh, support = filter_.GetOutput(), vtk("util.numpy_support")
+    vertices = support.vtk_to_numpy(mesh.GetPoints().GetData())
+    faces = support.vtk_to_numpy(mesh.GetPolys().GetConnectivityArray())
+    return vertices.astype(float), faces.reshape(-1, 3).astype(np.int64)
+
+
+def xml_of(data: Any) -> str:
+    """Return VTK's binary XML: VTK itself leaves an empty file on a full disk, and reports nothing."""
+    kind = "PolyData" if data.IsA("vtkPolyData") else "UnstructuredGrid"
+    writer = getattr(vtk("vtkIOXML"), f"vtkXML{kind}Writer")()
+    writer.SetInputData(data)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
+    return str(writer.GetOutputString())
+
 
 #: A low-pass filter's band for the shortest waves that a mesh has.
 WIDEST_BAND = 1.9
@@ -123,24 +152,6 @@ class Mesh:
         return Dihedrals(edge, angle, length, area, np.column_stack([first, second]))
 
     @property
-    def bending_per_area(self) -> float:
-        r"""Bending energy of the surface per area, in 1/mm^2.
-
-        The integral of :math:`k_1^2 + k_2^2 = (k_1 + k_2)^2 - 2 k_1 k_2` over the surface, divided by its
-        area. The first term is the discrete-shell energy :math:`\sum 3 \theta^2 l^2 / A` of Grinspun et
-        al. (2003): each edge of length l bends by its dihedral angle :math:`\theta` between two faces of
-        together area A. The second is :math:`4 \pi \chi` by Gauss and Bonnet, with the Euler
-        characteristic of the mesh. Slivers count as if they were as wide as a tenth of their edge.
-        """
-        edge, theta, length, area, _ = self.dihedrals
-        if len(edge) == 0:
-            return 0.0
-        area = np.maximum(area, 0.1 * length**2)
-        shell = np.divide(3 * theta**2 * length**2, area, out=np.zeros_like(area), where=area > 0).sum()
-        euler = self._used() - len(edge) + len(self.faces)
-        return float(max(shell - 4 * np.pi * euler, 0.0) / self.area)
-
-    @property
     def curvature_per_area(self) -> float:
         r"""Mean absolute curvature in 1/mm: the sum of :math:`|\theta| l` over all edges, by the area.
 
@@ -164,15 +175,6 @@ class Mesh:
             return False
         opposite = opposite_sides(faces)
         return bool((opposite >= 0).all() and not pinched_vertices(faces, opposite).any())
-
-    @property
-    def is_closed(self) -> bool:
-        """Whether faces run along every edge as often one way as the other: the mesh bounds a volume."""
-        if len(self.faces) == 0:
-            return False
-        count = int(self.faces.max()) + 1
-        start, end = self.faces.ravel(), np.roll(self.faces, -1, axis=1).ravel()
-        return np.array_equal(np.sort(start * count + end), np.sort(end * count + start))
 
     def self_intersections(self) -> IntArray:
         """Pairs (K, 2) of triangles that pass through each other; see `cccd.geometry.collisions`."""

@@ -195,3 +195,14 @@ def _add_crossings(index: FloatArray, faces: IntArray, crossings: npt.NDArray[np
 def _doubled_area(p: FloatArray, q: FloatArray, a: RealArray, b: RealArray) -> FloatArray:
     """Twice the signed areas (N,) of triangles in the plane: of two corners (N, 3) and a third (a, b)."""
     return (q[:, 0] - p[:, 0]) * (b - p[:, 1]) - (a - p[:, 0]) * (q[:, 1] - p[:, 1])
+
+
+def dice(
+    truth: np.ndarray, predicted: np.ndarray, axis: int | tuple[int, ...] | None = None
+) -> np.ndarray | float:
+    """Dice score, eq. (20), of regions of one shape, over all axes or some; two empty regions agree (1)."""
+    if np.shape(truth) != np.shape(predicted):
+        raise ValueError(f"truth {np.shape(truth)} and prediction {np.shape(predicted)} differ in shape")
+    both = np.asarray(np.count_nonzero(np.logical_and(truth, predicted), axis=axis))
+    total = np.asarray(np.count_nonzero(truth, axis=axis) + np.count_nonzero(predicted, axis=axis))
+    return np.divide(2 * both, total, out=np.ones(np.shape(total)), where=total > 0)[()]

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from cccd.geometry._vtk import vtk
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh
+from cccd.geometry.mesh import Mesh, vtk
 
 #: Rays that are cast into a mesh.
 RAYS = 2000

@@ -9,10 +9,10 @@ from typing import Any, TypeAlias, cast
 
 import numpy as np
 
-from cccd.dicom_objects import dicom_modality, is_object, object_in
 from cccd.errors import InputError, nearest
+from cccd.file_headers import dicom_modality, is_object, object_in
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
-from cccd.inputs.grey_values import image_without_mask
+from cccd.inputs.labels import image_without_mask
 from cccd.inputs.load import existing
 from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
 from cccd.plugins import find, table

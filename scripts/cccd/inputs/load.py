@@ -14,13 +14,12 @@ from typing import Any
 import numpy as np
 
 from cccd.containers import Annotation, Curves, Frame, Grid, Structure
-from cccd.dicom_objects import dicom_modality, is_object, object_in
 from cccd.errors import InputError, nearest
+from cccd.file_headers import dicom_modality, is_object, object_in, voxel_files
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.annotation import AUTO, EVERY_SLICE, NONEMPTY, annotation_note, find_annotation
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
-from cccd.inputs.grey_values import image_without_mask
 from cccd.inputs.grid import (
     Volume,
     bounding_box,
@@ -31,6 +30,7 @@ from cccd.inputs.grid import (
     on_grid,
     same_grid,
 )
+from cccd.inputs.labels import image_without_mask
 from cccd.inputs.readers import without_suffix
 from cccd.inputs.row_files import (
     EACH_ITS_OWN,
@@ -42,9 +42,8 @@ from cccd.inputs.row_files import (
     read_mask,
 )
 from cccd.plugins import find, table
-from cccd.request import Request, completed
+from cccd.request import FILES, Request, completed
 from cccd.settings.imports import ImportSettings
-from cccd.sidecar_files import voxel_files
 
 #: An organ on fewer slices has no slice between two others: its ends are most of it.
 FEW_SLICES = 3
@@ -131,7 +130,7 @@ def read_request(
     """
     location = request.location
     try:
-        made = table("SOURCES").get(request.source)
+        made = None if request.source == FILES else table("SOURCES").get(request.source)
         scan = find(made)(request, settings, seed) if made else _read_files(request, settings, files)
         if isinstance(scan, Structure):
             return scan

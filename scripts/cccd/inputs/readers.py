@@ -21,10 +21,10 @@ from nibabel.nifti1 import Nifti1Pair
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
+from cccd.file_headers import VoxelHeader, read_voxel_header
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, farthest_apart
 from cccd.plugins import find, table
-from cccd.sidecar_files import VoxelHeader, read_voxel_header
 
 if TYPE_CHECKING:
     import SimpleITK as sitk  # noqa: N813

@@ -11,14 +11,19 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from cccd.dicom_objects import dicom_modality
 from cccd.errors import EarlyWarning, InputError, choices, nearest
 from cccd.extras import needing
+from cccd.file_headers import dicom_modality
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.coarser_grid import CoarserGrid, find_coarser_grid
-from cccd.inputs.grey_values import HOW_TO_GIVE_AN_IMAGE, refuse_grey_probabilities, refuse_grey_values
 from cccd.inputs.grid import Volume, on_grid
-from cccd.inputs.labels import choose_labels, freesurfer_labels
+from cccd.inputs.labels import (
+    HOW_TO_GIVE_AN_IMAGE,
+    choose_labels,
+    freesurfer_labels,
+    refuse_grey_probabilities,
+    refuse_grey_values,
+)
 from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cccd.settings.section import Section, setting
+from cccd.settings import Section, setting
 
 _Support = Annotated[int, Field(ge=1, le=1000)]
 

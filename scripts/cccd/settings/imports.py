@@ -6,13 +6,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from cccd.settings.section import Section, setting
-
-#: Phantoms that ``snakemake phantoms`` writes, and the slice distances at which it scans each, in mm.
-PHANTOM_ORGANS = (
-    *("A", "H", "X", "bronchi", "kidney", "liver", "lungs", "shell", "sphere", "torus", "two_spheres"),
-)
-PHANTOM_DISTANCES_MM = (2, 5, 8)
+from cccd.settings import Section, setting
 
 _Spacing = Annotated[float, Field(ge=0.1, le=20)]
 

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator
 
-from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS
-from cccd.settings.section import Section, setting, without_repeats
+from cccd.plugins import band_formats, formats
+from cccd.settings import OneOf, Section, setting, without_repeats
 
-if TYPE_CHECKING:
-    _Format = _CaseFormat = str
-else:
-    _Format = Literal[(*FORMATS, *BAND_FORMATS)]
-    _CaseFormat = Literal[CASE_FORMATS or (None,)]
+_Format = Annotated[str, OneOf(lambda: (*formats(), *band_formats()))]
+_CaseFormat = Annotated[str, OneOf(lambda: (*formats("solids"), *formats("tetrahedra")))]
 
 
 class TetrahedraSettings(Section):
@@ -109,7 +106,7 @@ class LoftSettings(Section):
     )
     case_formats: Annotated[tuple[_CaseFormat, ...], AfterValidator(without_repeats)] = setting(
         (),
-        f"files of all organs of a case: {', '.join(CASE_FORMATS)}",
+        "files of all organs of a case: brep, iges, step, feb, inp, msh, vtu",
         why="step, iges and brep are one scene of solids, results/CASE/scene.step; msh, vtu, inp and feb one "
         "mesh of tetrahedra in which organs share their walls, results/CASE/volume.msh.",
     )

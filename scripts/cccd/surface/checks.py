@@ -11,13 +11,13 @@ import numpy as np
 from scipy import ndimage
 from scipy.spatial import cKDTree
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Structure
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.surface.sampled import sampled
+from cccd.surface.distances import sampled
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import SHRUNK_PART
 

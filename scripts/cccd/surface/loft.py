@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy import ndimage
 
-from cccd.bands import Band, Calibration, Reader, estimate_band
-from cccd.bands.signs import Slices
+from cccd.bands import Band, Calibration, Reader, Slices, estimate_band
 from cccd.containers import Frame, ProbabilityStack, Sections
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
-from cccd.surface.sampled import distance_to_part, sampled
+from cccd.surface.distances import distance_to_part, sampled
 
 #: mm: levels so near to a slice are the slice's own.
 SAME_HEIGHT = 1e-6
@@ -312,6 +312,8 @@ class SliceGap:
     def _nearest_free(self, pixel: float) -> IntArray:
         """Pairs (P, 2) of parts that overlap nothing, and lie where both ellipses tell or side by side."""
         low, high = np.flatnonzero(self.free(False)), np.flatnonzero(self.free(True))
+        if not (len(low) and len(high)):  # most masks: they need no scipy.optimize
+            return np.zeros((0, 2), np.int64)
         a, b = low[:, None], high[None]
         way = self.above.centres[b] - self.below.centres[a]
         length = np.linalg.norm(way, axis=-1)

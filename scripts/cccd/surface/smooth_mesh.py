@@ -10,11 +10,11 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.booleans import between_planes
 from cccd.geometry.collisions import MovingTriangles
+from cccd.geometry.flat_caps import between_planes
 from cccd.geometry.mesh import WIDEST_BAND, Mesh
 from cccd.surface.checks import lost_voxels, pixels_within
-from cccd.surface.sampled import SampledDistance
+from cccd.surface.distances import SampledDistance
 from cccd.surface.stack import SliceStack
 from cccd.tolerances import HELD_VOLUME, SHRUNK_PART
 

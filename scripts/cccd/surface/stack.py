@@ -10,16 +10,14 @@ from typing import Any
 import numpy as np
 from scipy import ndimage
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Annotation, Frame, Sections
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray, SingleArray
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
-from cccd.surface.borders import Borders, find_borders
+from cccd.surface.distances import Borders, SampledDistance, find_borders
 from cccd.surface.levels import levels_of_slices
 from cccd.surface.moving_branches import SAME_HEIGHT, move_branches
-from cccd.surface.sampled import SampledDistance
-from cccd.surface.undrawn import ends_by_guides, guide_lines, guides_reach, shape_undrawn
 
 #: Bytes of a control point (three float32), of a mesh vertex and of a triangle in binary PLY.
 CONTROL_BYTES, VERTEX_BYTES, TRIANGLE_BYTES = 12, 12, 13
@@ -157,7 +155,9 @@ def interpolate_slices(sections: Sections, settings: LoftSettings) -> SliceStack
     """
     frame, annotation = sections.curves.frame, sections.annotation
     borders, left_out = _without_small(
-        find_borders(sections, guides_reach(annotation)), frame, settings.smallest_part_voxels
+        find_borders(sections, None if annotation is None else annotation.reach),
+        frame,
+        settings.smallest_part_voxels,
     )
     every = _usual_gap(borders.slices)
     step, ends = every * frame.slice_spacing, _Ends.of(frame, every * frame.slice_spacing, annotation)
@@ -259,6 +259,8 @@ def _shaped(
     origin: IntArray,
 ) -> tuple[FloatArray, SingleArray, list[str]]:
     """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
+    from cccd.surface.undrawn import ends_by_guides, guide_lines, shape_undrawn  # few masks need it
+
     guides = guide_lines(annotation, values.shape[1:], frame, origin)
     values, warnings = shape_undrawn(z, values, slices, guides, frame)
     heights = z.copy()

@@ -14,16 +14,17 @@ from cccd.bands import Band
 from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply, write_ply
 from cccd.geometry.subdivision import ControlMesh
-from cccd.settings.formats import NOTE
+from cccd.plugins import NOTE
 from cccd.store import (
     atomic_path,
     read_band,
     read_bodies,
+    read_ply,
     read_report,
     read_surface_frame,
     write_control_meshes,
+    write_ply,
 )
 
 #: Vertices this near are the same; a PLY mesh keeps them exactly, older ones as single floats.
@@ -71,6 +72,21 @@ class LoftedSurface:
         """Lowest and highest volume in mm^3, the spline's where triangles are few; None without a band."""
         whole = self.whole or self
         return self.band and whole.band and whole.band.volume_interval(whole.mesh)
+
+    @property
+    def band_figures(self) -> dict[str, Any]:
+        """The band's share, volume interval in ml and mean width in mm; whether it is extrapolated."""
+        interval, area = self.volume_interval, self.mesh.vertex_areas
+        if self.band is None or interval is None:
+            return {}
+        return {
+            "band": self.band.share,
+            "volume_low_ml": interval[0] / 1000,
+            "volume_high_ml": interval[1] / 1000,
+            "inner_mean_mm": float(area @ self.band.inner / area.sum()),
+            "outer_mean_mm": float(area @ self.band.outer / area.sum()),
+            "band_extrapolated": self.band.extrapolated,
+        }
 
     def sides(self) -> dict[str, LoftedSurface]:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""

@@ -13,12 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import label, map_coordinates
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Annotation, Frame, Guide
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.distance import to_mask
+from cccd.surface.distances import distance_to_part
 from cccd.surface.moving_branches import SliceGap, SliceParts, follow_branches, levels_between
-from cccd.surface.sampled import distance_to_part
 
 #: A part that has nothing to run on in closes as a paraboloid so high, as a share of the way to the next
 #: slice: all that is known is that it ends before that.
@@ -26,22 +26,6 @@ HEIGHT = 0.5
 #: Where stretching alone does not bring a level to a plane's outline, it is corrected so far to either side
 #: of the plane, as a share of the distance between the drawn slices.
 REACH = 0.25
-
-
-def guides_reach(annotation: Annotation | None) -> IntArray | None:
-    """First and last source ``(i, j)`` (2, 2) of what was drawn on planes across; None without any."""
-    if annotation is None or not annotation.guides:
-        return None
-    ends = np.array([_extent(guide) for guide in annotation.guides])
-    return np.stack([ends[:, 0].min(axis=0), ends[:, 1].max(axis=0)])
-
-
-def _extent(guide: Guide) -> IntArray:
-    """First and last source ``(i, j)`` (2, 2) of what was drawn on a plane."""
-    along = np.flatnonzero(guide.inside.any(axis=0)) + int(guide.origin[1])
-    ends = np.full((2, 2), guide.index, np.int64)
-    ends[:, 1 - guide.axis] = along[[0, -1]]
-    return ends
 
 
 def shape_undrawn(
@@ -153,11 +137,10 @@ def _endings(slices: Slices) -> list[list[_Ending]]:
 
 
 def guide_lines(
-    annotation: Annotation | None, shape: Sequence[int], frame: Frame, origin: IntArray
+    annotation: Annotation, shape: Sequence[int], frame: Frame, origin: IntArray
 ) -> list[GuideLine]:
     """Planes across the slices as they meet fields (I, J) that begin at the source's ``origin`` (2,)."""
-    guides = () if annotation is None else annotation.guides
-    return [GuideLine.of(guide, shape, frame, origin) for guide in guides]
+    return [GuideLine.of(guide, shape, frame, origin) for guide in annotation.guides]
 
 
 @dataclass(frozen=True, eq=False)
@@ -269,9 +252,5 @@ def _crossings(line: SingleArray) -> FloatArray:
 
 def _between_rows(rows: IntArray, values: FloatArray, count: int) -> FloatArray:
     """Values (R, J) of some ascending rows on all rows (count, J): linear between, the last ones beyond."""
-    if len(rows) == 1:
-        return np.repeat(values, count, axis=0)
-    at = np.clip(np.arange(count), rows[0], rows[-1])
-    low = np.clip(np.searchsorted(rows, at, side="right") - 1, 0, len(rows) - 2)
-    share = ((at - rows[low]) / (rows[low + 1] - rows[low]))[:, None]
-    return (1 - share) * values[low] + share * values[low + 1]
+    columns: list[FloatArray] = [np.interp(np.arange(count), rows, column) for column in values.T]
+    return np.array(columns, np.float64).T

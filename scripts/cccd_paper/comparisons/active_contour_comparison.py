@@ -8,8 +8,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Structure
-from cccd.geometry.raster import rasterise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, rasterise
 from cccd_paper.comparisons.active_contour import seed_circle
 from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS

@@ -20,14 +20,14 @@ from cccd.containers import Boundaries, Curves, Splines, Structure
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import dice
 from cccd.geometry.sections import cross_sections
-from cccd.metrics import dice
-from cccd.surface.measure import Reference, measure_agreement
 from cccd.surface.surface import LoftedSurface
 from cccd_paper.comparisons.orderers import Orderer, load_orderers
 from cccd_paper.comparisons.tensor_product_loft import TUNED, loft_splines
 from cccd_paper.comparisons.tuning import SAMPLES
 from cccd_viewers.page_files import Panel, SliceFigure
+from cccd_workflow.surface_measures import Reference, measure_agreement
 
 #: The methods' names in the table.
 PAPER, OURS = "paper", "ours"

@@ -10,20 +10,20 @@ import pandas as pd
 from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
+from cccd.contours import trace_mask
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_splines
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import Reference, measure_agreement
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, TABLE_3
 from cccd_paper.comparisons.samples import between, middle_slab
 from cccd_paper.comparisons.tuning import SAMPLES
 from cccd_paper.settings import CornerSurfaceSettings
+from cccd_workflow.surface_measures import Reference, measure_agreement
 
 #: Bytes of a point as the paper counts them, two 32-bit indices; of the number of pixels that a curve bounds,
 #: by which the surface is moved to their outer border; and of a grey value.

@@ -20,8 +20,8 @@ from skimage.morphology import skeletonize
 from skimage.segmentation import watershed
 
 from cccd.containers import Frame
+from cccd.contours import trace_stack
 from cccd.geometry._jit import jit
-from cccd.tracing import trace_stack
 from cccd_paper.comparisons.reconstruction.connect2d import connect2d
 from cccd_paper.comparisons.reconstruction.tour import tour
 from cccd_paper.junctions.grid import follow_chains

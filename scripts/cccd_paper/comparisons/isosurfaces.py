@@ -13,12 +13,12 @@ from cccd.geometry.mesh import Mesh
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
-from cccd.surface.measure import Reference, measure_mesh
 from cccd.surface.surface import LoftedSurface
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import IsosurfaceSettings
+from cccd_workflow.surface_measures import Reference, measure_mesh
 
 
 def compare_isosurfaces(

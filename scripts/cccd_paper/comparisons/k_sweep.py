@@ -14,8 +14,7 @@ from cccd.curves.corners import CRITERIA, k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.arrays import split_ragged
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.geometry.raster import rasterise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, rasterise
 from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.paper_k import OUTLINES

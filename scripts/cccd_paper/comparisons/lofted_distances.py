@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from cccd.containers import Sections, Structure
+from cccd.contours import trace_mask
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh
 from cccd.surface.stack import interpolate_slices
-from cccd.tracing import trace_mask
 
 
 def lofted_distances(structure: Structure) -> Mesh:

@@ -11,13 +11,12 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
+from cccd.contours import trace_stack
 from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import Reference, measure_mesh
 from cccd.surface.surface import LoftedSurface
-from cccd.tracing import trace_stack
 from cccd_junctions.ordering import count_changes
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
@@ -27,6 +26,7 @@ from cccd_paper.comparisons.samples import between
 from cccd_paper.junctions.grid import build_grid
 from cccd_segmentation.seeds import parse_seeds
 from cccd_viewers.page_files import Panel, SliceFigure
+from cccd_workflow.surface_measures import Reference, measure_mesh
 
 #: The run's own ordering, and no ordering: the region in which edges were sought, found by a threshold or
 #: grown from a seed, and the threshold that is best of many.

@@ -7,7 +7,7 @@ import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Structure
 from cccd.geometry.arrays import IntArray
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_junctions.decoding import find_outline
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.inference import Predictor

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import offsets_of, successors
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
 from cccd_paper.comparisons.links import count_links, enclosed_region, unique_links

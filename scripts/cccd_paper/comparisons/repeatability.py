@@ -14,8 +14,8 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from cccd.containers import Curves, Frame
+from cccd.contours import trace_stack
 from cccd.geometry.raster import rasterise
-from cccd.tracing import trace_stack
 from cccd_paper.comparisons.chain_corners import DETECTORS
 
 #: What changes an outline.

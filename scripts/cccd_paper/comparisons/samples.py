@@ -14,8 +14,7 @@ import numpy as np
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.geometry.arrays import offsets_of
-from cccd.geometry.raster import rasterise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, rasterise
 from cccd_junctions.boundary import outline
 
 _Stack = TypeVar("_Stack", Boundaries, Curves)

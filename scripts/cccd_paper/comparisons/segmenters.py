@@ -17,19 +17,19 @@ import pandas as pd
 from scipy import ndimage
 
 from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Sections, Structure
+from cccd.contours import level_curves, trace_stack
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import corner_splines
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
+from cccd.geometry.raster import dice
 from cccd.inputs.grid import Volume
-from cccd.metrics import dice, surface_distances
-from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.curves import CurveSettings
 from cccd.settings.imports import ImportSettings, PhantomSettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import level_curves, trace_stack
 from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer
@@ -39,6 +39,7 @@ from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed
 from cccd_viewers.page_files import Panel, SliceFigure
 from cccd_workflow.curve_measures import bytes_per_slice
+from cccd_workflow.surface_measures import surface_distances
 
 if TYPE_CHECKING:  # torch takes seconds to load
     from cccd_segmentation.model import Segmenter

@@ -11,14 +11,13 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
+from cccd.contours import trace_mask
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
-from cccd.surface.measure import voxel_dice
-from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.baselines.reconstructions import RECONSTRUCTIONS, reconstruct
@@ -27,6 +26,7 @@ from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slab
+from cccd_workflow.surface_measures import voxel_dice
 
 #: CCCD's k here: the one with which the paper's scores are best.
 K = 3

@@ -12,9 +12,9 @@ from cccd.containers import Curves, Splines
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.geometry.closed_splines import DEGREE
+from cccd.geometry.flat_caps import fill_rim
 from cccd.geometry.mesh import Mesh
-from cccd.surface.flat_caps import fill_rim
+from cccd.geometry.polygons import DEGREE
 
 #: Samples of the surface for each slice; around there is one for each control point.
 ALONG_SAMPLES = 4

@@ -13,11 +13,11 @@ from cccd.containers import Frame, Structure
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
-from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
 from cccd_paper.settings import ThickSliceSettings
+from cccd_workflow.surface_measures import Reference, measure_mesh
 
 #: Fewer slices with organ than this say nothing about a reconstruction.
 FEWEST_SLICES = 3

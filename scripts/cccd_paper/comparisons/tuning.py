@@ -11,11 +11,11 @@ import pyvista as pv
 from cccd.containers import Structure
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.surface.measure import Reference, measure_mesh
 from cccd_paper.comparisons.baselines.surfaces import Family, Program
 from cccd_paper.comparisons.paper_k import AS_SMOOTH, AS_SMOOTH_SLACK, BEST, DEFAULTS
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.volume_meshes import Smoothing, windowed_sinc
+from cccd_workflow.surface_measures import Reference, measure_mesh
 
 #: Points on each surface by which distances are measured, and by which settings are chosen.
 SAMPLES, FEW_SAMPLES = 10_000, 2_000

@@ -22,8 +22,8 @@ from tqdm import tqdm
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.opencv import border_pixels
 from cccd.inputs import load_structure
-from cccd.settings.boundaries import BoundarySettings
 from cccd.settings.imports import ImportSettings
+from cccd.settings.junctions import BoundarySettings
 from cccd_calibration.conformal import first_enough
 from cccd_junctions.boundary import edge_map
 from cccd_junctions.checkpoint import load_model

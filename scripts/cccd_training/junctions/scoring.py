@@ -12,7 +12,7 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import DelaunayGraph
 

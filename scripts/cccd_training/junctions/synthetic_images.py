@@ -13,7 +13,7 @@ import numpy as np
 
 from cccd.geometry.arrays import BoolArray, ByteArray, SingleArray
 from cccd.geometry.opencv import distance_to_zero, gaussian_blur, sobel
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.tolerances import CONTRAST
 from cccd_junctions.boundary import edge_map
 from cccd_training.junctions.random_masks import smooth_noise

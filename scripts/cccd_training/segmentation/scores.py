@@ -8,8 +8,8 @@ import numpy as np
 from monai.metrics.utils import get_mask_edges
 
 from cccd.geometry.arrays import AnyArray, BoolArray, SingleArray
+from cccd.geometry.raster import dice
 from cccd.inputs.grid import bounding_box
-from cccd.metrics import dice
 
 
 def volume_scores(found: AnyArray, truth: AnyArray, spacing: AnyArray) -> dict[str, float]:

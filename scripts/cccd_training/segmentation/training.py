@@ -17,7 +17,7 @@ from monai.losses.dice import DiceCELoss
 from torch import Tensor, nn
 from tqdm import tqdm
 
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_networks.devices import chosen_device
 from cccd_segmentation.inference import device_of, labels_of, predict, probabilities
 from cccd_segmentation.model import load_segmenter

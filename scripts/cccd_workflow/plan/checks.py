@@ -9,7 +9,7 @@ from pathlib import Path
 
 from cccd.errors import InputError
 from cccd.extras import check_extra
-from cccd.settings.formats import SOLID_FORMATS, TETRAHEDRA_FORMATS
+from cccd.plugins import formats
 from cccd_workflow.disk_space import check_room
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import Plan
@@ -39,10 +39,10 @@ class PlannedJob:
 
 def extras_of(job: PlannedJob, plan: Plan) -> set[str]:
     """Name the extras that a job cannot do without; most need none."""
-    formats = {Path(file).name.partition(".")[2] for file in job.outputs}
+    suffixes = {Path(file).name.partition(".")[2] for file in job.outputs}
     asked = {
-        "fe": not formats.isdisjoint(TETRAHEDRA_FORMATS),
-        "cad": not formats.isdisjoint(SOLID_FORMATS),
+        "fe": not suffixes.isdisjoint(formats("tetrahedra")),
+        "cad": not suffixes.isdisjoint(formats("solids")),
         _NEEDS.get(job.rule, ""): job.rule in _NEEDS,
     }
     if job.rule == "fetch_file":

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal, NamedTuple, Protocol
 
-from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError, nearest
+from cccd.file_headers import dicom_modality, object_in, voxel_files
 from cccd.request import Request, completed
-from cccd.sidecar_files import voxel_files
 from cccd_workflow.cohort import brings_maps, read_cohort
 from cccd_workflow.remote import RemoteFile, is_remote, read_address
 

@@ -12,11 +12,9 @@ from pathlib import Path
 from typing import Any, cast
 
 from cccd.errors import InputError
-from cccd.plugins import folders, table
+from cccd.plugins import band_formats, folders, formats, table
 from cccd.project import PROJECT
-from cccd.settings.formats import BAND_FORMATS, CASE_FORMATS, FORMATS, SOLID_FORMATS, TETRAHEDRA_FORMATS
-from cccd.settings.root import Settings
-from cccd.settings.validation import validate_config
+from cccd.settings.root import Settings, validate_config
 from cccd_segmentation.networks import networks
 from cccd_workflow.cohort import IMAGES_ALONE
 from cccd_workflow.plan.cohort import OfCase, OfStructure, PlannedCohort, StructureName, near
@@ -166,7 +164,7 @@ class Plan:
 
     @property
     def _fills_cases(self) -> bool:
-        return not set(TETRAHEDRA_FORMATS).isdisjoint(self.settings.surface.case_formats)
+        return not formats("tetrahedra").keys().isdisjoint(self.settings.surface.case_formats)
 
     # Import and segmentation.
 
@@ -239,12 +237,12 @@ class Plan:
     @property
     def other_exports(self) -> str:
         """Pattern of the files of a surface that are made where one asks for them by name."""
-        names = (file for name in (*FORMATS, *BAND_FORMATS) for file in _export_files(name))
+        names = (file for name in (*formats(), *band_formats()) for file in _export_files(name))
         return "|".join(re.escape(name) for name in names if name not in self.exports)
 
     def export_library(self, files: Iterable[str]) -> str:
         """Digest the code that writes some of a surface's files."""
-        writers = dict.fromkeys(FORMATS[file.partition(".")[2]].writer for file in files)
+        writers = dict.fromkeys(table("WRITERS")[file.partition(".")[2]].writer for file in files)
         return self.library("export_surface", *writers)
 
     def format_files(self) -> list[str]:
@@ -254,7 +252,7 @@ class Plan:
     def case_format_files(self) -> list[str]:
         """Return the files of whole cases that the configuration asks for."""
         names = self.settings.surface.case_formats
-        files = [f"{'scene' if name in SOLID_FORMATS else 'volume'}.{name}" for name in names]
+        files = [f"{'scene' if name in formats('solids') else 'volume'}.{name}" for name in names]
         cases = dict.fromkeys(name.case for name in self.cohort.reconstructed)
         return [f"results/{case}/{file}" for case in cases for file in files]
 
@@ -274,8 +272,8 @@ class Plan:
     @property
     def solid_reports(self) -> list[str]:
         """What is reported of each structure's solids and tetrahedra, as patterns."""
-        names = [name for name in dict.fromkeys(self.settings.surface.formats) if name in CASE_FORMATS]
-        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in names]
+        asked, reported = dict.fromkeys(self.settings.surface.formats), formats("solids", "tetrahedra")
+        return [f"results/{{case}}/{{organ}}/solid_{name}.json" for name in asked if name in reported]
 
     def case_reports(self, wildcards: OfCase) -> list[str]:
         """Return what is reported of the tetrahedra of a structure's case, where they are asked for."""
@@ -453,7 +451,7 @@ def files_of_comparison(folder: str, comparison: Comparison) -> list[str]:
 
 def _export_files(name: str) -> list[str]:
     """Names of a surface's files in a format besides PLY; the error band has one for each side."""
-    if name in BAND_FORMATS:
+    if name in band_formats():
         return [f"surface_{side}.{name.removeprefix('band.')}" for side in ("inner", "outer")]
     return [f"surface.{name}"] if name != "ply" else []
 

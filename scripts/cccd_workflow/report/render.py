@@ -70,8 +70,7 @@ def render_surface(ply_path: str | Path, png_path: str | Path, pixels: int = 420
     from PIL import Image
     from PIL.PngImagePlugin import PngInfo
 
-    from cccd.geometry.ply import read_ply
-    from cccd.store import atomic_path
+    from cccd.store import atomic_path, read_ply
 
     stamp = PngInfo()
     with atomic_path(png_path) as temporary:

@@ -3,7 +3,7 @@ import pytest
 from corner_graph_data import corner_data, dense_matrices, draw_graph, draw_splits, is_right, number_corners
 
 from cccd.containers import Frame
-from cccd.tracing import trace_stack
+from cccd.contours import trace_stack
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 3))
 RINGS = [np.array([3, 7, 1, 9]), np.array([0, 2, 5])]

@@ -6,8 +6,8 @@ from equal_points import CHAIN, choose_for_shares, measure_at_shares
 from support.known_curves import bean
 from support.shapes import structure_of
 
+from cccd.contours import trace_mask
 from cccd.geometry.raster import rasterise
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.samples import choose_slices
 
 

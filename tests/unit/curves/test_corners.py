@@ -3,9 +3,9 @@ import pytest
 from support.known_curves import rectangle
 
 from cccd.containers import Curves
+from cccd.contours import trace_stack
 from cccd.curves.corners import k_cosine, k_cosine_corners, sharp_corners
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.tracing import trace_stack
 
 
 def naive_k_cosine(points, m):

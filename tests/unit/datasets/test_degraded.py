@@ -8,7 +8,7 @@ from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.inputs.grid import Volume
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd_datasets.degraded import bias_field, coarser, damage_maps, rescan
 from cccd_junctions.boundary import extract_boundaries, outline
 

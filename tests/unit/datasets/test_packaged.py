@@ -23,7 +23,7 @@ from support.scans import (
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.settings.validation import validate_config
+from cccd.settings.root import validate_config
 from cccd_workflow.cohort import read_cohort
 
 

@@ -7,10 +7,10 @@ from scipy import ndimage
 from support.scans import row, settings
 
 from cccd.errors import InputError
-from cccd.geometry.ply import read_ply
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
-from cccd.settings.imports import PHANTOM_ORGANS
+from cccd.store import read_ply
+from cccd_datasets import PHANTOM_ORGANS
 from cccd_datasets.implicit_solids import (
     capsule,
     ellipsoid,

@@ -9,8 +9,7 @@ from support.scans import affine_of, dicom_affine, full, grey, inside, row, sett
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files.meshes import write_label_map
-from cccd.files.write import ExportOptions
+from cccd.files import ExportOptions, write_label_map
 from cccd.geometry.raster import voxelise
 from cccd.inputs import load_structure
 from cccd.surface.surface import LoftedSurface

@@ -9,8 +9,8 @@ from pydicom.dataset import FileDataset, FileMetaDataset
 from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
 from support import fresh
 
-from cccd.dicom_objects import dicom_modality, object_in
 from cccd.errors import InputError
+from cccd.file_headers import dicom_modality, object_in
 from cccd_dicom.references import lies_in_its_series
 from cccd_workflow.plan.cohort import holds_contours
 

@@ -9,7 +9,7 @@ import pytest
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.geometry.ply import read_ply
+from cccd.store import read_ply
 
 zarr = pytest.importorskip("zarr")
 

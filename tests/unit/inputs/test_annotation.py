@@ -7,13 +7,13 @@ from support.scans import row, settings, write_nifti
 
 import cccd
 from cccd.containers import Annotation, Sections
+from cccd.contours import trace_mask
 from cccd.errors import InputError
 from cccd.inputs import load_structure, structure_of_array
 from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_drawn, read_structure, write_structure
 from cccd.surface.loft import loft_surface
-from cccd.tracing import trace_mask
 from cccd_workflow.cohort import read_cohort
 from cccd_workflow.stage_files import read_compared
 from cccd_workflow.surface_measures import measure_surface

@@ -18,10 +18,10 @@ from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import mask_surface, voxel_volume
 from cccd_datasets.implicit_solids import sample_lattice
 from cccd_datasets.phantoms import ORGANS
 from cccd_labels.shared_walls import share_walls
+from cccd_workflow.surface_measures import mask_surface, voxel_volume
 
 RADIUS, VOXEL = 24.0, 3.0
 

@@ -13,7 +13,7 @@ import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs import load_structure
-from cccd.inputs.grey_values import refuse_grey_values
+from cccd.inputs.labels import refuse_grey_values
 from cccd.inputs.row_files import list_labels
 
 RANDOM = np.random.default_rng(0)

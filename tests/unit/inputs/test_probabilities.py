@@ -16,11 +16,11 @@ from support.scans import affine_of, full, organ, row, settings, write_nifti
 
 import cccd
 from cccd.containers import Frame, ProbabilityStack
+from cccd.contours import level_curves
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.inputs.row_files import list_labels
 from cccd.store import read_structure, write_structure
-from cccd.tracing import level_curves
 from cccd_formats.nnunet import Classes
 
 #: Background and two labels, by nnunetv2 2.8.1's own export (``export_prediction_from_logits``): the scan was

@@ -11,9 +11,9 @@ from support import scans
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
+from cccd.geometry.raster import dice
 from cccd.inputs.grid import check_affine, find_slice_axis
 from cccd.inputs.readers import read_itk
-from cccd.metrics import dice
 from cccd_dicom.slices import even_grid
 from cccd_labels.scene import SceneOrgan, write_segmentation
 

@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.errors import InputError
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd_junctions.boundary import dilation_band, edge_map, extract_boundaries, outline
 
 SETTINGS = BoundarySettings(blur_px=1.0)

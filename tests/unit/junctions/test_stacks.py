@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.geometry.opencv import border_pixels
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_junctions.decoding import fill_inside, find_outline
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.stacks import ReadSlice, label_slices, region_evidence, without_lone_parts

@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from cccd.containers import Frame
-from cccd.files.write import write_surface
+from cccd.files import write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.surface.surface import LoftedSurface
 from cccd_labels.scene import describe_scene, name_organs, write_scene, write_segmentation

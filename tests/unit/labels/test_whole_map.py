@@ -8,7 +8,7 @@ import pytest
 from scipy import ndimage
 
 import cccd
-from cccd.commands.outputs import with_name
+from cccd.commands import with_name
 from cccd.geometry.mesh import Mesh
 from cccd.inputs import readers
 from cccd_labels.all_surfaces import without_written

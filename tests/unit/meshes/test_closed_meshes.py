@@ -13,11 +13,11 @@ import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import surface_distances
 from cccd_meshes import closed_meshes
 from cccd_meshes.closed_meshes import mend
 from cccd_meshes.distance_grid import grid_to_mesh
 from cccd_meshes.read_meshes import read_mesh
+from cccd_workflow.surface_measures import surface_distances
 
 AFFINE = np.array([[-1.0, 0, 0, 40], [0, -1.0, 0, 35], [0, 0, 2.5, -45], [0, 0, 0, 1]])
 SHAPE = (80, 70, 36)

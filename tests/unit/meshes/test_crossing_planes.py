@@ -10,9 +10,9 @@ import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.sections import cross_sections
-from cccd.metrics import surface_distances
 from cccd_meshes import crossing_planes
 from cccd_meshes.crossing_planes import planes_of, surface_through
+from cccd_workflow.surface_measures import surface_distances
 
 
 def egg():

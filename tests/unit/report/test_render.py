@@ -6,7 +6,7 @@ import trimesh
 from PIL import Image
 
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import write_ply
+from cccd.store import write_ply
 from cccd_workflow.report import render
 
 

@@ -8,8 +8,7 @@ from jsonschema import Draft202012Validator
 from settings_pages import documentation, editor_schema, generated_files, keys, yaml_defaults
 
 from cccd.errors import InputError
-from cccd.settings.root import whole_settings
-from cccd.settings.validation import validate_config
+from cccd.settings.root import validate_config, whole_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 KEYS = [key for key in keys() if not key.group]

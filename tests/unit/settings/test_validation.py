@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from cccd.errors import InputError, nearest
-from cccd.settings.root import Settings, whole_settings
-from cccd.settings.validation import validate_config
+from cccd.settings.root import Settings, validate_config, whole_settings
 
 ROOT = Path(__file__).resolve().parents[3]
 

@@ -14,8 +14,7 @@ from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.distance import nearest_faces
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.ply import read_ply, write_ply
-from cccd.store import read_bodies
+from cccd.store import read_bodies, read_ply, write_ply
 from cccd_shapes import FROM_MEAN
 from cccd_shapes.cohort import Cohort, aligned, first_template, fit_cohort, fit_subject, read_fit
 from cccd_shapes.fit import Fit, fit_template, similarity

@@ -8,7 +8,7 @@ from scipy.interpolate import BSpline
 from support.control_meshes import CORNERS, bumpy, cube, pill, polygon_area, torus, turned
 
 from cccd.containers import Frame
-from cccd.files.write import ExportOptions, write_surface
+from cccd.files import ExportOptions, write_surface
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.surface.control_mesh import split_to_quads
 from cccd.surface.surface import LoftedSurface

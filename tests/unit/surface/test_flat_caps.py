@@ -3,9 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from cccd.geometry.booleans import between_planes
+from cccd.geometry.flat_caps import between_planes, fill_rim
 from cccd.geometry.grid import ScalarGrid
-from cccd.surface.flat_caps import fill_rim
 
 
 def rim_of(*polygons):

@@ -6,9 +6,9 @@ from support.shapes import structure_of
 
 from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
-from cccd.surface.measure import measure_mesh
 from cccd_datasets.implicit_solids import ImplicitFunction, sample_lattice
 from cccd_datasets.phantoms import ORGANS
+from cccd_workflow.surface_measures import measure_mesh
 
 #: The axis of the letter (0 to its side, 1 through its plane, 2 upwards) along which it is sliced, and its
 #: voxels; through its plane the strokes are no thicker than three slices of 5 mm.

@@ -8,11 +8,10 @@ from scipy.spatial.transform import Rotation
 from support.shapes import SETTINGS, assert_sound, ball, curves_of, fork, grid, structure_of
 
 from cccd.containers import Curves, Frame, Sections
+from cccd.contours import trace_mask
 from cccd.errors import InputError
-from cccd.geometry.raster import voxelise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
-from cccd.tracing import trace_mask
 from cccd_workflow.surface_measures import measure_surface
 
 

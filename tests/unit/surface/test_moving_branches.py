@@ -6,7 +6,7 @@ from scipy.interpolate import interp1d
 from scipy.spatial import cKDTree
 from support.shapes import curves_of
 
-from cccd.bands.signs import Slices
+from cccd.bands import Slices
 from cccd.containers import Sections
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface

@@ -18,10 +18,9 @@ from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface import spline
-from cccd.surface.control_mesh import control_mesh, join_in_pairs, open_edges, split_to_quads
+from cccd.surface.control_mesh import control_mesh, join_in_pairs, open_edges, split_to_quads, unfold
 from cccd.surface.loft import loft_surface
-from cccd.surface.spline_fit import SplineFit, Target
-from cccd.surface.unfolding import unfold
+from cccd.surface.spline import SplineFit, Target
 
 NOWHERE = (-np.inf, np.inf)
 

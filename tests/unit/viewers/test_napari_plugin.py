@@ -11,7 +11,7 @@ npe2 = pytest.importorskip("npe2")
 
 import cccd  # noqa: E402
 import cccd_viewers  # noqa: E402
-from cccd.geometry.ply import write_ply  # noqa: E402
+from cccd.store import write_ply  # noqa: E402
 from cccd_viewers.napari_plugin import affine_of_layer, surface_of_layer  # noqa: E402
 
 MANIFEST = Path(cccd_viewers.__file__).with_name("napari.yaml")

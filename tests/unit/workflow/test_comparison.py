@@ -12,10 +12,9 @@ import cccd
 from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import surface_distances
-from cccd.surface.measure import measure_agreement
 from cccd_meshes.read_meshes import read_mesh
 from cccd_workflow.comparison import compare, missed_limits
+from cccd_workflow.surface_measures import measure_agreement, surface_distances
 
 AFFINE = np.array([[0.8, 0, 0, -12], [0, -0.8, 0, 14], [0, 0, 1.5, -16], [0, 0, 0, 1.0]])
 SHAPE = (32, 34, 22)

@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves
+from cccd.contours import trace_stack
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import fit_splines
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.curves import CurveSettings
-from cccd.tracing import trace_stack
 from cccd_workflow.curve_measures import area_scores, bytes_per_slice, distances, measure_curves
 
 SETTINGS = CurveSettings()

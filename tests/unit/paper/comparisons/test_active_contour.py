@@ -2,8 +2,7 @@ import numpy as np
 import pytest
 from support.known_curves import bean, circle
 
-from cccd.geometry.raster import rasterise
-from cccd.metrics import dice
+from cccd.geometry.raster import dice, rasterise
 from cccd_paper.comparisons.active_contour import b_spline_snake, image_snake, seed_circle
 
 SHAPE = (130, 150)

@@ -4,11 +4,11 @@ import torch
 from support.shapes import structure_of
 
 from cccd.containers import Sections
+from cccd.contours import trace_mask
 from cccd.curves.fitting import fit_splines
-from cccd.settings.boundaries import BoundarySettings
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
-from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons.algorithm_1 import (

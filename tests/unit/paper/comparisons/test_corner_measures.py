@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
-from cccd.metrics import dice
+from cccd.geometry.raster import dice
 from cccd_paper.comparisons.confusion import Confusion, confusion
 from cccd_paper.comparisons.corner_measures import measure_corners
 from cccd_paper.comparisons.repeatability import repeatability

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.settings.boundaries import BoundarySettings
+from cccd.contours import trace_mask
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import trace_mask
 from cccd_junctions.boundary import extract_boundaries
 from cccd_paper.comparisons.corner_surfaces import compare_corner_surfaces
 from cccd_paper.comparisons.paper_k import AUTOMATIC

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame
-from cccd.tracing import trace_stack
+from cccd.contours import trace_stack
 from cccd_paper.comparisons.definition_3 import READINGS
 
 FRAME = Frame(np.eye(4), 2, (161, 161, 1))

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Sections, Structure
+from cccd.contours import trace_mask
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
-from cccd.tracing import trace_mask
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.comparisons.point_meshes import ball_pivoting, has_open3d, poisson

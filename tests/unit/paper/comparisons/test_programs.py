@@ -6,11 +6,11 @@ import pytest
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.surface.measure import Reference
 from cccd_paper.comparisons import programs
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.paper_k import BEST, DEFAULTS
 from cccd_paper.comparisons.tuning import Truth, tuned_rows
+from cccd_workflow.surface_measures import Reference
 
 PROGRAMS = {name: family for name, family in FAMILIES.items() if isinstance(family, Program)}
 SIZE = np.array([14.0, 15.0, 12.0])

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from cccd.settings.boundaries import BoundarySettings
+from cccd.contours import trace_mask
+from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
-from cccd.tracing import trace_mask
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.stage_times import WAYS, _ordered_pixels, time_stages

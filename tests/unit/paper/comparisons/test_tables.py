@@ -6,9 +6,9 @@ import pytest
 from support.known_curves import bean
 
 from cccd.containers import Curves, Frame, Structure
+from cccd.contours import trace_mask
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.raster import rasterise
-from cccd.tracing import trace_mask
 from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons import published
 from cccd_paper.comparisons.active_contour_comparison import active_contour_figures, compare_active_contour

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame
-from cccd.tracing import trace_stack
+from cccd.contours import trace_stack
 from cccd_paper.comparisons.tensor_product_loft import TUNED, tensor_product_loft
 
 RADIUS, SLICES, SPACING = 20.3, 9, 4.0

@@ -5,11 +5,11 @@ import pytest
 from cccd.containers import Frame, Structure
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
-from cccd.surface.measure import Reference
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
 from cccd_paper.comparisons.paper_k import AS_SMOOTH, BEST, DISTANCES
 from cccd_paper.comparisons.tuning import Truth, tuned_rows
 from cccd_paper.comparisons.volume_meshes import has_morphological, windowed_sinc
+from cccd_workflow.surface_measures import Reference
 
 RADIUS = 12.0
 

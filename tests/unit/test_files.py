@@ -15,10 +15,10 @@ from support.shapes import SETTINGS, ball, curves_of, fork
 from cccd.containers import Frame, Sections
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
-from cccd.files.write import ExportOptions, write_surface
+from cccd.files import ExportOptions, write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
-from cccd.settings.formats import FORMATS
+from cccd.plugins import formats
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_control_meshes
 from cccd.surface.loft import loft_surface
@@ -199,15 +199,15 @@ def test_a_mesh_of_shared_walls_has_no_control_meshes(tmp_path):
     assert read_surface(tmp_path / "surface.h5", tmp_path / "walls.ply").bodies == []
 
 
-@pytest.mark.parametrize("name", FORMATS)
+@pytest.mark.parametrize("name", formats())
 def test_every_format_that_the_configuration_knows_is_written(surface, small, tmp_path, name):
-    for module in EXTRAS.get(FORMATS[name].extra, ()):
+    for module in EXTRAS.get(formats()[name].extra, ()):
         pytest.importorskip(module)
     if name == "seg.dcm":
         pytest.skip("lies on a DICOM series: tests/unit/dicom/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
     coarse = TetrahedraSettings(edge_mm=5, tolerance_mm=1)
-    filled = FORMATS[name].made_of == "tetrahedra"  # which takes long
+    filled = formats()[name].made_of == "tetrahedra"  # which takes long
     write_surface(path, small if filled else surface, ExportOptions("organ", tetrahedra=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]

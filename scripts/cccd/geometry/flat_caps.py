@@ -1,4 +1,7 @@
-"""A closed rim in the plane, filled with triangles that grow away from it: what is flat needs few."""
+"""Cuts by planes: closed meshes are cut by manifold3d, and the rims of cuts filled with triangles.
+
+Triangles grow away from a rim: what is flat needs few.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,41 @@ from typing import Any, cast
 
 import manifold3d
 import numpy as np
+from manifold3d import Manifold
 from scipy.spatial import Delaunay, cKDTree
 
 from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
+from cccd.geometry.mesh import Mesh
+
+
+def between_planes(mesh: Mesh, low: float, high: float) -> Mesh:
+    """Cut a closed mesh by planes across z, and close it by planar caps.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    low, high : float
+        Heights of the planes in mm, without a plane infinite; vertices on them stay where they are.
+    """
+    body = manifold_of(mesh)
+    if np.isfinite(low):
+        body = body.trim_by_plane((0, 0, 1), low)
+    if np.isfinite(high):
+        body = body.trim_by_plane((0, 0, -1), -high)
+    return mesh_of(body)
+
+
+def manifold_of(mesh: Mesh) -> Manifold:
+    """Turn a closed mesh into a solid."""
+    vertices, faces = np.ascontiguousarray(mesh.vertices, float), np.ascontiguousarray(mesh.faces, np.uint64)
+    return Manifold(manifold3d.Mesh64(vertices, faces))
+
+
+def mesh_of(body: Manifold) -> Mesh:
+    """Mesh of a solid."""
+    mesh = cast(Any, body.to_mesh64())  # its stubs leave the arrays' types open
+    return Mesh(np.array(mesh.vert_properties[:, :3], float), np.array(mesh.tri_verts, np.int64))
+
 
 #: Points within a cap keep so many edges away from its rim: no side of the rim then lies in a triangle.
 _FROM_RIM = 0.75

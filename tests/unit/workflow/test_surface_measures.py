@@ -1,15 +1,21 @@
-"""What a surface is measured against, and when it draws a warning."""
+"""What a surface is measured against, how well two agree, and when one draws a warning."""
 
 import numpy as np
 import pytest
 import trimesh
+from support.solids import sphere
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
-from cccd.metrics import normal_angles
-from cccd.surface.measure import measure_mesh
-from cccd_workflow.surface_measures import volume_warnings
+from cccd.geometry.raster import dice
+from cccd_workflow.surface_measures import (
+    bending_per_area,
+    measure_mesh,
+    normal_angles,
+    surface_distances,
+    volume_warnings,
+)
 
 
 def drawn_box(depth: int) -> Structure:
@@ -56,3 +62,22 @@ def test_normals_of_a_finer_ball_agree_and_those_of_a_tilted_plane_are_off_by_it
 def test_equal_meshes_have_equal_normals():
     angles = normal_angles(ball(1.0), ball(1.0), np.random.default_rng(0), is_smooth=False)
     assert angles.max() < 1e-3
+
+
+def test_a_sphere_bends_by_twice_its_curvature_squared():
+    # k1 = k2 = 1 / R: the integrand is 2 / R^2 everywhere; 3.2 % more, as triangles are not alike
+    assert bending_per_area(sphere(10)) == pytest.approx(2 / 100, rel=0.035)
+
+
+def test_two_empty_regions_agree():
+    nothing = np.zeros((2, 2), bool)
+    assert dice(nothing, nothing) == 1
+    with pytest.raises(ValueError, match="differ in shape"):
+        dice(nothing, np.zeros((2, 3), bool))
+
+
+def test_distances_are_seeded():
+    first, second = (
+        surface_distances(sphere(10), sphere(11), np.random.default_rng(3), 500) for _ in range(2)
+    )
+    assert first == second

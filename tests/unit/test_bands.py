@@ -9,13 +9,20 @@ import numpy as np
 import pytest
 
 import cccd
-from cccd.bands import Band, Calibration, estimate_band
-from cccd.bands.calibration import SHIPPED, SHIPPED_SHA256
-from cccd.bands.readers import Reader
-from cccd.bands.signs import SIGNS, Slices, signs_of
+from cccd.bands import (
+    SHIPPED,
+    SHIPPED_SHA256,
+    SIGNS,
+    Band,
+    Calibration,
+    Reader,
+    Slices,
+    estimate_band,
+    signs_of,
+)
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.files.write import write_surface
+from cccd.files import write_surface
 from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 from cccd.settings.root import Settings

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 import SimpleITK as sitk  # noqa: N813
 
-from cccd.sidecar_files import voxel_files
+from cccd.file_headers import voxel_files
 
 
 def scan():

@@ -10,7 +10,7 @@ import cccd
 from cccd.errors import InputError
 from cccd.geometry.distance import to_mesh
 from cccd.geometry.mesh import Mesh
-from cccd.surface.uniform import uniform_mesh
+from cccd_meshes.uniform import uniform_mesh
 
 
 @pytest.fixture(scope="module")

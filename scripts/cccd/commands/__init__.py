@@ -1,1 +1,0 @@
-"""The commands of the core, and what commands share."""
