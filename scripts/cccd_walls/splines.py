@@ -34,10 +34,11 @@ SPARE = 8
 REFINEMENTS = 3
 #: Where the spline passes through itself a triangle becomes so many.
 AMISS_SPLIT = 4.0
-#: Share of the tolerance that is asked of what is made finer: of the next spline half is nearer still.
+#: Share of the tolerance that is asked of what is made finer.
 NEARER = 0.4
-#: An organ is near where at most this share of it is farther off than the tolerance.
-FAR = 0.01
+#: An organ is near where at most this share of it is farther off than the tolerance; half the tolerance while
+#: quads are chosen, as what is smoothed where it crosses, and what the spline leaves out, are not seen then.
+FAR, NEAR = 0.01, 0.5
 #: Of walls' distances 99 % are below so many times their root mean square, about.
 TAIL = 2.6
 #: Weight of even control points along a seam beside near ones.
@@ -145,7 +146,7 @@ def _too_coarse(fit: WallFit, coarse: WallComplex, tolerance: float) -> FloatArr
     near = nearest_faces(places, shape)
     mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
     times = np.clip(TAIL * np.sqrt(mean) / (NEARER * tolerance), 1.0, COARSEST / COARSER)
-    times[~fit.far_walls(coarse.regions, tolerance)[coarse.wall]] = 1.0
+    times[~fit.far_walls(coarse.regions, NEAR * tolerance)[coarse.wall]] = 1.0
     drawn = fit.spline.tessellate(1)
     crossing = drawn.self_intersections()
     there = np.zeros(count, np.bool_)

@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15025,
+    "scripts/cccd": 15033,
     "scripts/cccd_calibration": 792,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3921,
     "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 1149,
+    "scripts/cccd_meshes": 1137,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9213,
     "scripts/cccd_segmentation": 1669,
@@ -25,10 +25,10 @@ MOST_LINES = {
     "scripts/cccd_training": 3573,
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
-    "scripts/cccd_walls": 900,
+    "scripts/cccd_walls": 807,
     "scripts/cccd_workflow": 6394,
-    "bench": 4696,
-    "tests": 24171,
+    "bench": 4698,
+    "tests": 24191,
 }
 
 
