@@ -37,7 +37,8 @@ def write_spline(path: str | Path, spline: WallSpline, frame: Frame, report: Map
         write_value(file, "frame", frame, Frame)
         write_value(file, "report", report, dict[str, Any])
         write_value(file, "organs", list(spline.organs), list[str])
-        file.attrs["crossing"] = spline.crossing
+        write_value(file, "crossing", spline.crossing, int)
+        write_value(file, "count", len(spline.regions), int)
         for (name, kind), array in zip(_SHARED.items(), arrays, strict=True):
             write_value(file, name, np.asarray(array, kind), np.ndarray)
         for number, (inside, outside) in enumerate(spline.regions.tolist()):
@@ -50,9 +51,9 @@ def read_spline(path: str | Path) -> WallSpline:
     """Read what `write_spline` wrote."""
     with open_file(path) as file:
         organs: list[str] = read_value(file, "organs", list[str])
-        crossing = int(file.attrs["crossing"])
+        crossing, count = read_value(file, "crossing", int), read_value(file, "count", int)
         vertices, creases, sharpness, corners = (read_value(file, name, np.ndarray) for name in _SHARED)
-        walls = [file[f"walls/{number}"] for number in range(len(file.get("walls", ())))]
+        walls = [file[f"walls/{number}"] for number in range(count)]
         quads = [read_value(wall, "quads", np.ndarray).astype(np.int64) for wall in walls]
         names = [read_value(wall, "organs", list[str]) for wall in walls]
     number = {name: n for n, name in enumerate(["", *organs])}
