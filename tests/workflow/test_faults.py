@@ -84,8 +84,8 @@ WRITERS = {
     "table.csv": "import pandas; store.write_table(path, pandas.DataFrame({'a': range(9999)}))",
     **{
         f"surface.{suffix}": (
-            "from cccd.files import write; from cccd.surface import surface; "
-            "write.write_surface(path, surface.read_surface(done / 'surface.h5', done / 'surface.ply'))"
+            "from cccd.files import write_surface; from cccd.surface import surface; "
+            "write_surface(path, surface.read_surface(done / 'surface.h5', done / 'surface.ply'))"
         )
         for suffix in ("ply", "stl", "vtp", "glb")
     },
