@@ -128,7 +128,7 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
             crossing = len(fit.untangle())
             far = int(np.count_nonzero(fit.far_walls(walls.regions, tolerance)))
             found.append((far, crossing, fit))
-            if not far + crossing:
+            if times.max() == 1 or not far + crossing:
                 break
         most = min(round(float(times.sum())), size // COARSER + 1)
         if SPARE * most > len(fine.triangles):
