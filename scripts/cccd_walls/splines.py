@@ -126,7 +126,7 @@ def fit_walls(walls: WallComplex, tolerance: float) -> WallSpline:
         times = _too_coarse(fit, coarse, tolerance)
         if times.max() == 1 or attempt >= REFINEMENTS - 1:
             crossing = len(fit.untangle())
-            far = int(np.count_nonzero(fit.far_walls(walls.regions, tolerance)))
+            far = int(np.count_nonzero(fit.far_walls(*fit.off(), walls.regions, tolerance)))
             found.append((far, crossing, fit))
             if times.max() == 1 or not far + crossing:
                 break
@@ -146,7 +146,7 @@ def _too_coarse(fit: WallFit, coarse: WallComplex, tolerance: float) -> FloatArr
     near = nearest_faces(places, shape)
     mean = np.bincount(near, off**2, count) / np.maximum(np.bincount(near, minlength=count), 1)
     times = np.clip(TAIL * np.sqrt(mean) / (NEARER * tolerance), 1.0, COARSEST / COARSER)
-    times[~fit.far_walls(coarse.regions, NEAR * tolerance)[coarse.wall]] = 1.0
+    times[~fit.far_walls(places, off, coarse.regions, NEAR * tolerance)[coarse.wall]] = 1.0
     drawn = fit.spline.tessellate(1)
     crossing = drawn.self_intersections()
     there = np.zeros(count, np.bool_)
@@ -233,10 +233,11 @@ class WallFit(SplineFit):
         off[samples] = np.linalg.norm(places[samples] - goals, axis=1)
         return places, off
 
-    def far_walls(self, regions: IntArray, tolerance: float) -> BoolArray:
-        """Which walls (W,), of regions (W, 2), are of an organ that is not near."""
-        samples, off = self.off()
-        area = Mesh(samples, self.triangles).vertex_areas
+    def far_walls(
+        self, places: FloatArray, off: FloatArray, regions: IntArray, tolerance: float
+    ) -> BoolArray:
+        """Which walls (W,), of regions (W, 2), are of an organ that is not near by what `off` gives."""
+        area = Mesh(places, self.triangles).vertex_areas
         organs = regions[self._wall]
         whole, far = (
             np.bincount(organs.ravel(), np.repeat(part, 2)) for part in (area, area * (off > tolerance))
