@@ -110,7 +110,7 @@ def _thickness(points: FloatArray, normal: FloatArray, slices: Slices) -> FloatA
 REGIMES = (0.5, 1.5, 2.5, 4.5, 7.5, 30.0)
 #: The shares of the surface that factors are kept for; between them they are interpolated.
 SHARES = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95)
-#: What `cccd_training.bands` wrote, and its SHA-256: the workflow lofts again when it changes.
+#: What `cccd_calibration.shipped_bands` wrote, and its SHA-256: the workflow lofts again when it changes.
 SHIPPED = Path(__file__).with_name("bands.json")
 SHIPPED_SHA256 = "5ac03ced654a653c2f276af6758197883aa61de69c78be930bc6bdce1b267c8d"
 

@@ -1,1 +1,1 @@
-"""How wide error bands have to be: measured on organs whose surface is known, and between readers."""
+"""How wide error bands are, and from which doubt on slices are listed: found where the truth is known."""

@@ -4,7 +4,7 @@ Little speaks for a slice where the cut itself scores low as a whole, or where l
 enclose something else; and a small organ is wrong the sooner. A logistic curve, fitted to maps that the
 ranking has not seen (`cccd_training.junctions.reranker`), makes a probability of this. From which
 probability on slices are listed is calibrated on kinds of damage that training never saw, so that on a
-further kind few of the others are wrong (`cccd_training.junctions.doubts`).
+further kind few of the others are wrong (`cccd_calibration.doubts`).
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import SuperLU, eigsh, splu
 
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.distance import igl
+from cccd.geometry.libigl import igl
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.control_mesh import control_mesh

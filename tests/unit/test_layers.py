@@ -34,8 +34,8 @@ PACKAGES = {
     "cccd_labels": "viewers",
     "cccd_shapes": "labels meshes viewers workflow",
     "cccd_workflow": "labels meshes networks segmentation tetrahedra viewers",
-    "cccd_calibration": "workflow",
-    "cccd_training": "calibration datasets junctions meshes networks segmentation",
+    "cccd_calibration": "datasets junctions meshes training workflow",
+    "cccd_training": "datasets junctions networks segmentation",
     "cccd_paper": "datasets junctions networks segmentation training viewers workflow",
 }
 

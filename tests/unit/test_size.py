@@ -8,8 +8,8 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15033,
-    "scripts/cccd_calibration": 792,
+    "scripts/cccd": 15042,
+    "scripts/cccd_calibration": 1212,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
@@ -22,7 +22,7 @@ MOST_LINES = {
     "scripts/cccd_shapes": 1465,
     "scripts/cccd_solids": 1928,
     "scripts/cccd_tetrahedra": 1489,
-    "scripts/cccd_training": 3573,
+    "scripts/cccd_training": 3153,
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
     "scripts/cccd_walls": 809,

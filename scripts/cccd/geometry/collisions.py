@@ -23,8 +23,8 @@ from cccd.geometry.arrays import (
     ranks_of,
     unit_vectors,
 )
-from cccd.geometry.distance import predicates
-from cccd.geometry.mesh import opposite_sides, pinched_vertices
+from cccd.geometry.libigl import predicates
+from cccd.geometry.sides import opposite_sides, pinched_vertices
 
 #: Volumes below this share of the cube of a triangle's size count as none: the triangles only touch.
 _TOUCHING = 1e-12

@@ -2,23 +2,16 @@
 
 from __future__ import annotations
 
-import os
-from typing import Any, cast
+from typing import Any
 from weakref import WeakKeyDictionary
 
-import igl as untyped  # pyright: ignore[reportMissingTypeStubs]
-import igl.predicates as untyped_predicates  # pyright: ignore[reportMissingTypeStubs]
 import numpy as np
 import scipy
 
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
+from cccd.geometry.libigl import igl
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.opencv import distance_to_zero
-
-os.environ.setdefault("IGL_NUM_THREADS", "1")  # jobs share a machine; read once, by its first function
-
-#: libigl: its types are looser than what it returns.
-igl, predicates = cast(Any, untyped), cast(Any, untyped_predicates)
 
 #: Boxes around the triangles of a mesh, kept while it is: they take longer to make than to ask.
 _TREES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()

@@ -1,4 +1,4 @@
-"""Calibrate the error bands on exact truth: ``python -m cccd_training.bands``.
+"""Calibrate the error bands on exact truth: ``python -m cccd_calibration.shipped_bands``.
 
 Random bodies, phantoms and nilearn's cortical surfaces are cut into slices and reconstructed; writes
 ``cccd/bands.json``, and prints what held-out bands cover. Meshes of ``--kept`` train nothing.

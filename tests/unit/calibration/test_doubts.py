@@ -5,8 +5,8 @@ import pytest
 from scipy.special import expit
 
 from cccd.geometry.opencv import border_pixels
+from cccd_calibration.doubts import LEAST_UNLISTED, LEVELS, levels_of_shares, wrong_unlisted
 from cccd_training.junctions.damages import DAMAGES
-from cccd_training.junctions.doubts import LEAST_UNLISTED, LEVELS, levels_of_shares, wrong_unlisted
 from cccd_training.junctions.random_masks import draw_mask
 
 

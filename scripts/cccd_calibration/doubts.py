@@ -1,4 +1,4 @@
-"""From which doubt on slices are listed: ``python -m cccd_training.junctions.doubts TABLE``.
+"""From which doubt on slices are listed: ``python -m cccd_calibration.doubts TABLE``.
 
 The shipped network orders maps of `cccd_training.junctions.damages` and edges of slices of an MR template,
 which its training never saw. A kind is one sample of conformal risk control, so that the guarantee is for a
@@ -47,7 +47,7 @@ SHARES = (0.075, 0.1, 0.15, 0.2, 0.3)
 SEVERITIES, MOST_PIXELS = (0.5, 2.5), 2500
 #: Real slices: their noise as a share of the organ's range, and pixels of margin.
 NOISE, MARGIN_PX = (0.02, 0.2), 24
-SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
+SHIPPED = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 
 
 class Doubts(dict[str, tuple[FloatArray, BoolArray]]):
