@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from cccd.store import write_table
-from cccd.surface.between import distance_table, near_pairs
 from cccd.surface.surface import read_surface
+from cccd_labels.between import distance_table, near_pairs
 from cccd_workflow.job import job
 
 case = snakemake.wildcards.case

@@ -27,11 +27,11 @@ from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
-from cccd.surface.between import DISTANCES, Between, distance_table, least_distance
 from cccd.surface.loft import FACTOR
 from cccd.surface.surface import read_surface
 from cccd_calibration.readers import Pair, calibrate_readers
 from cccd_calibration.samples import draw_meshes
+from cccd_labels.between import DISTANCES, Between, distance_table, least_distance
 
 
 def body(axes, spacing):

@@ -24,7 +24,7 @@ class Cohort:
     metrics : sequence of dict
         Each structure's ``metrics.json``.
     distances : sequence of DataFrame
-        Each case's distances between organs (`cccd.surface.between.DISTANCES`).
+        Each case's distances between organs (`cccd_labels.between.DISTANCES`).
     """
 
     def __init__(

@@ -5,7 +5,7 @@ import re
 import tomllib
 from pathlib import Path
 
-from cccd.surface.between import DISTANCES
+from cccd_labels.between import DISTANCES
 from cccd_workflow.report.facts import PACKAGES
 from cccd_workflow.report.measures import MEASURES
 

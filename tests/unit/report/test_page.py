@@ -15,7 +15,7 @@ from PIL.PngImagePlugin import PngInfo
 from support.sample_results import make_metrics, write_run
 
 from cccd.store import write_json, write_table
-from cccd.surface.between import DISTANCES
+from cccd_labels.between import DISTANCES
 from cccd_workflow.report import page, svg
 from cccd_workflow.report.html_tables import table
 from cccd_workflow.report.numerals import number

@@ -7,9 +7,7 @@ from support.shapes import SETTINGS, ball, curves_of
 
 from cccd.containers import Sections
 from cccd.geometry.mesh import Mesh
-from cccd.inputs import structure_of_array
-from cccd.settings.imports import ImportSettings
-from cccd.surface.checks import check_surface, check_walls
+from cccd.surface.checks import check_surface
 from cccd.surface.stack import SliceStack, interpolate_slices
 
 #: Words of the lines about a surface that lies too far from the slices.
@@ -96,17 +94,6 @@ def test_passing_through_itself_and_being_open_are_found(stack):
     moved = Mesh(one.vertices + np.array([3.1, 0.7, 0.3]), one.faces)
     assert "intersects itself" in problems(Mesh.joined([one, moved]), stack)
     assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
-
-
-def test_shared_walls_are_checked_by_the_organ_s_voxels():
-    structure = structure_of_array(ball(), np.eye(4), ImportSettings())
-    mesh = solids.sphere(20.0, (30.0, 30.0, 30.0))
-    assert check_walls(mesh, structure) == []
-    needle, tip = pulled(mesh, 2.0)
-    (line,) = check_walls(needle, structure)
-    place = [float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")]
-    assert "from the organ's voxels" in line
-    assert np.abs(place - tip).max() <= 0.05
 
 
 def test_the_line_has_the_place_in_mm_of_the_world(stack):
