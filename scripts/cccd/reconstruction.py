@@ -31,9 +31,9 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
     """
     match structure.source:
         case Curves():
-            return take_contours(structure)[0]
+            return take_contours(structure)
         case MaskStack() | ProbabilityStack():
-            return trace_contours(structure)[0]
+            return trace_contours(structure)
         case source:
             make = find(table("CURVES")[type(source).__name__])
             return make(structure, boundaries, inference)
@@ -65,33 +65,3 @@ def loft_sections(
         wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
         surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
     return surface
-
-
-def reconstruct_mask(structure: Structure, lofting: LoftSettings) -> LoftedSurface:
-    """Trace a structure's mask and loft it.
-
-    Parameters
-    ----------
-    structure : Structure
-        With a mask.
-    lofting : LoftSettings
-        Section ``surface`` of the configuration.
-
-    Raises
-    ------
-    InputError
-        When the mask has no closed curve.
-
-    Examples
-    --------
-    >>> import numpy as np
-    >>> from cccd.containers import Frame
-    >>> i, j, k = np.indices((24, 24, 24)) - 12
-    >>> ball = np.hypot(np.hypot(i, j), k) <= 8
-    >>> frame = Frame(np.eye(4), 2, ball.shape)
-    >>> structure = Structure("case", "ball", frame, np.zeros(3, int), mask=ball)
-    >>> surface = reconstruct_mask(structure, LoftSettings())
-    >>> bool(abs(surface.mesh.volume / ball.sum() - 1) < 0.02)
-    True
-    """
-    return loft_sections(structure.sections(trace_contours(structure)[0]), lofting)

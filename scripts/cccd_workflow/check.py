@@ -18,7 +18,7 @@ from cccd.commands import add_input, check_files, read_given
 from cccd.console import print_error
 from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
 from cccd.errors import InputError
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.inputs.row_files import RowFiles
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
@@ -90,7 +90,7 @@ def _survey_row(
     """Read a row's structure, or all labels of a map whose organ is ``*``."""
     if row["organ"] != "*":
         settings = Settings()
-        return load_structure(row, folder, settings.import_, settings.seed, files), (), None
+        return read_request(Request.of_row(row, folder), settings.import_, settings.seed, files), (), None
     image, table = (folder / row[column] if row[column] else None for column in ("image", "labels"))
     try:
         structure, told, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)

@@ -83,25 +83,6 @@ class Scan:
     warnings: list[str] = field(default_factory=list)
 
 
-def load_structure(
-    row: Mapping[str, str],
-    sheet_dir: str | Path,
-    settings: ImportSettings,
-    seed: int = 0,
-    files: RowFiles = EACH_ITS_OWN,
-) -> Structure:
-    """Read the structure of a row of the cohort sheet (`cccd_workflow.cohort.read_cohort`).
-
-    Parameters
-    ----------
-    row, sheet_dir
-        See `cccd.request.Request.of_row`.
-    settings, seed, files
-        See `read_request`.
-    """
-    return read_request(Request.of_row(row, Path(sheet_dir)), settings, seed, files)
-
-
 def read_request(
     request: Request, settings: ImportSettings, seed: int = 0, files: RowFiles = EACH_ITS_OWN
 ) -> Structure:
@@ -147,7 +128,7 @@ def read_request(
 def structure_of_array(
     mask: AnyArray, affine: FloatArray, settings: ImportSettings, name: str = "mask", annotated: str = AUTO
 ) -> Structure:
-    """Make a structure of a mask in memory, as `load_structure` does of one in a file.
+    """Make a structure of a mask in memory, as `read_request` does of one in a file.
 
     Parameters
     ----------
