@@ -298,12 +298,11 @@ class Surface:
             Ends with ``.ply``, ``.stl``, ``.step``, ``.vtu`` or another suffix of those that ``cccd surface
             --help`` lists. If something fails, no file is left.
         contour_spacing_mm : float, optional
-            Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
+            Distance of the RTSTRUCT's planes. Default: the settings', or that of the scan's slices.
         keep_patient : bool
-            Whether the RTSTRUCT names the patient, as the scan's DICOM files do.
+            Whether the RTSTRUCT names the patient, as the scan's DICOM files do; so do the settings.
         settings : Settings, optional
-            Section ``surface``: solids use ``step_tolerance_mm`` and ``solid``, tetrahedra also
-            ``tetrahedra``.
+            Section ``surface``: solids use ``step_tolerance_mm``, tetrahedra ``tetrahedra``.
 
         Returns
         -------
@@ -316,19 +315,14 @@ class Surface:
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
         surface = checked_settings(settings).surface
+        asked = {
+            "contour_spacing_mm": contour_spacing_mm or surface.contour_spacing_mm,
+            "keep_patient": keep_patient or surface.keep_patient,
+        }
         on_scan = format_of(path) in {"nii.gz", "dcm", "seg.dcm"}
         lofted = self.given if on_scan and self.given is not None else self.lofted
-        options = ExportOptions(
-            self.name,
-            contour_spacing_mm,
-            self.series,
-            keep_patient,
-            self.drawn,
-            surface.step_tolerance_mm,
-            surface.tetrahedra,
-            self.scan,
-            self._filled,
-        )
+        surface = surface.model_copy(update=asked)
+        options = ExportOptions(self.name, self.series, self.drawn, surface, self.scan, self._filled)
         write_surface(path, lofted, options)
         return Path(path)
 

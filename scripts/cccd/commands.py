@@ -188,12 +188,7 @@ def write_with_band(
     files |= {with_name(path, str(n)): sample for n, sample in enumerate(samples, 1)}
     for file, one in files.items():
         with clock(f"writing {file.name}"):
-            one.write(
-                file,
-                contour_spacing_mm=settings.surface.contour_spacing_mm,
-                keep_patient=settings.surface.keep_patient,
-                settings=settings,
-            )
+            one.write(file, settings=settings)
     return list(files)
 
 

@@ -29,12 +29,10 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import fill_mask
 from cccd.inputs.grid import Volume
 from cccd.plugins import COLOUR, NOTE, find, formats, own_rows, row
-from cccd.settings.surface import LoftSettings, TetrahedraSettings
+from cccd.settings.surface import LoftSettings
 from cccd.store import atomic_path, check_writable
 from cccd.store import write_ply as write_mesh
 from cccd.surface.surface import LoftedSurface
-
-_DEFAULT = LoftSettings()
 
 
 @dataclass(frozen=True)
@@ -45,18 +43,12 @@ class ExportOptions:
     ----------
     organ : str
         Name of the structure.
-    contour_spacing_mm : float or None
-        Distance of contours' planes; None for the scan's slices.
     series : Path or None
         Folder of the DICOM series that the file shall refer to.
-    keep_patient : bool
-        Whether that file says who the patient is.
     drawn : Structure or None
         What was drawn, where only some slices were: a label map keeps those as they are.
-    tolerance_mm : float
-        99 % of a solid's surface shall lie so near to the mesh.
-    tetrahedra : TetrahedraSettings
-        Section ``surface.tetrahedra`` of the configuration.
+    settings : LoftSettings
+        Section ``surface`` of the configuration.
     scan : Volume or None
         Whose grey values tetrahedra get.
     filled : dict
@@ -65,12 +57,9 @@ class ExportOptions:
     """
 
     organ: str = "surface"
-    contour_spacing_mm: float | None = None
     series: Path | None = None
-    keep_patient: bool = False
     drawn: Structure | None = None
-    tolerance_mm: float = _DEFAULT.step_tolerance_mm
-    tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra
+    settings: LoftSettings = field(default_factory=LoftSettings)
     scan: Volume | None = None
     filled: dict[str, tuple[Any, dict[str, Any]]] = field(
         default_factory=dict[str, tuple[Any, dict[str, Any]]]
