@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from cccd.containers import Curves, MaskStack, ProbabilityStack, Sections, Structure
+from cccd.containers import Curves, Sections, Structure
 from cccd.contours import take_contours, trace_contours
 from cccd.plugins import find, table
 from cccd.settings.junctions import BoundarySettings, InferenceSettings
@@ -29,14 +29,13 @@ def find_contours(structure: Structure, boundaries: BoundarySettings, inference:
     InputError
         No slice has a closed curve.
     """
-    match structure.source:
-        case Curves():
+    match structure.input:
+        case "contours":
             return take_contours(structure)
-        case MaskStack() | ProbabilityStack():
+        case "mask":
             return trace_contours(structure)
-        case source:
-            make = find(table("CURVES")[type(source).__name__])
-            return make(structure, boundaries, inference)
+        case other:
+            return find(table("CURVES")[other])(structure, boundaries, inference)
 
 
 def loft_sections(

@@ -16,7 +16,7 @@ from nibabel.orientations import aff2axcodes
 
 from cccd.commands import add_input, check_files, read_given
 from cccd.console import print_error
-from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
+from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.inputs import Request, read_request
 from cccd.inputs.row_files import RowFiles
@@ -159,11 +159,7 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
 
 def _slices(structure: Structure) -> list[int]:
     """Numbers of the slices with organ, ascending."""
-    match structure.source:
-        case Curves() as drawn:
-            return sorted(set(drawn.slice.tolist()))
-        case BoundaryMaps(stack) | GreyImage(region=stack):
-            pass
-        case _:
-            stack = structure.required_stack("mask")
+    if structure.contours is not None:
+        return sorted(set(structure.contours.slice.tolist()))
+    stack = structure.required_stack(structure.input)
     return np.flatnonzero(stack.any(axis=(1, 2))).tolist()
