@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ctypes
 import locale
-import struct
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -205,12 +204,8 @@ def binary_stl(mesh: Mesh, note: str) -> bytes:
 
     A binary STL must not begin with "solid": readers would take it for text.
     """
-    corners = mesh.vertices[mesh.faces]
-    table = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    table["normal"] = mesh.unit_normals
-    table["corners"] = corners
-    head = note.encode("ascii", "replace").removeprefix(b"solid")[:80].ljust(80)
-    return head + struct.pack("<I", len(corners)) + table.tobytes()
+    stl: bytes = cast(Any, mesh.to_trimesh()).export(file_type="stl")
+    return note.encode("ascii", "replace").removeprefix(b"solid")[:80].ljust(80) + stl[80:]
 
 
 def write_label_map(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
