@@ -150,8 +150,6 @@ def check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None
     for path in outputs:
         if absolute.count(path.absolute()) > 1:
             raise InputError(str(path), "named twice as output", "name it once")
-        if path.is_dir():
-            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         if any(source is not None and _is_read(path, source) for source in sources):
             raise InputError(str(path), "that is the input", "give another name")
         check_writable(path)

@@ -118,8 +118,6 @@ def write_surface(
         For a folder, another suffix, a format whose extra is not installed, or where nothing can be written.
     """
     options = options or ExportOptions()
-    if Path(path).is_dir():
-        raise InputError(str(path), "that is a folder", "give the name of a file in it")
     check_format(path)
     check_writable(path)
     write = find(row("WRITERS", format_of(path)).writer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
@@ -19,7 +19,7 @@ from cccd.console import print_error
 from cccd.containers import Structure
 from cccd.errors import InputError
 from cccd.inputs import Request, read_request
-from cccd.inputs.row_files import RowFiles
+from cccd.inputs.row_files import reading_once
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
 from cccd_labels.label_survey import SurveyedLabel, measure_labels, survey_labels
@@ -72,7 +72,7 @@ def _check_sheet(given: argparse.Namespace) -> int:
     found: list[dict[str, Any]] = []
     failed = False
     for _, alike in groupby(rows, key=itemgetter("image", "mask")):
-        files = RowFiles(shared=True)
+        files = reading_once()
         for row in alike:
             try:
                 found.append(_check_one(given, *_survey_row(row, sheet.parent, files)))
@@ -85,7 +85,7 @@ def _check_sheet(given: argparse.Namespace) -> int:
 
 
 def _survey_row(
-    row: Mapping[str, str], folder: Path, files: RowFiles
+    row: Mapping[str, str], folder: Path, files: Callable[..., Any]
 ) -> tuple[Structure, Sequence[SurveyedLabel], DrawnLabels | None]:
     """Read a row's structure, or all labels of a map whose organ is ``*``."""
     if row["organ"] != "*":

@@ -8,14 +8,14 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 14828,
+    "scripts/cccd": 14765,
     "scripts/cccd_calibration": 1212,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3913,
     "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 1137,
+    "scripts/cccd_meshes": 1134,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9215,
     "scripts/cccd_segmentation": 1669,
