@@ -17,9 +17,9 @@ from vtkmodules.util import numpy_support
 from vtkmodules.vtkCommonDataModel import vtkImageData
 from vtkmodules.vtkFiltersCore import vtkSurfaceNets3D
 
+from cccd import reconstruct
 from cccd.containers import Frame, Structure
 from cccd.geometry.mesh import Mesh
-from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd_labels.conforming import ConformingSurface
 from cccd_labels.shared_walls import share_walls
@@ -110,7 +110,7 @@ def main() -> None:
         print(f"{run}: {time.process_time() - start:.2f} CPU s")
     apart: list[float] = []
     for label, mesh in truth.items():
-        alone = reconstruct_mask(parts[label], LoftSettings()).mesh
+        alone = reconstruct(parts[label]).lofted.mesh
         apart.append(surface_distances(alone, mesh, np.random.default_rng(0), 20_000)["assd"])
     print(f"each alone: ASSD {np.mean(apart):.4f} mm")
     print(f"shared walls: ASSD {distance(ours, truth):.4f} mm, bending {wall_bending(ours):.4f}")

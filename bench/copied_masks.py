@@ -20,12 +20,11 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from scipy import ndimage  # noqa: E402
 
+from cccd import reconstruct  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
 from cccd.inputs.load import structure_of_array  # noqa: E402
-from cccd.reconstruction import reconstruct_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
-from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd_datasets.phantoms import make_phantom  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import windowed_sinc  # noqa: E402
@@ -86,8 +85,8 @@ def measured(read: Structure, as_it_is: Structure, truth: Mesh) -> list[tuple[st
     if read.frame.copied_to is None:
         raise SystemExit("the coarse voxels were not found")
     meshes = {
-        "CCCD": reconstruct_mask(read, LoftSettings()).mesh,
-        "CCCD, as it is": reconstruct_mask(as_it_is, LoftSettings()).mesh,
+        "CCCD": reconstruct(read).lofted.mesh,
+        "CCCD, as it is": reconstruct(as_it_is).lofted.mesh,
     }
     for name in TRIED:
         family = FAMILIES[name]

@@ -31,7 +31,7 @@ from corner_graph_data import (
     number_corners,
 )
 
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.root import Settings
 from cccd_datasets.phantoms import make_phantom
 from cccd_networks.settings import NetworkSettings
@@ -46,7 +46,7 @@ SPACING_MM, K, EPOCHS = (0.8, 0.8, 2.5), 12, 8
 def drawn_graphs():
     """Points of the data set, and its graphs by split."""
     liver = make_phantom("training", "liver", SPACING_MM, seed=Settings().seed, margin_voxels=3, location="")
-    points, rings = number_corners(trace_mask(liver), K)
+    points, rings = number_corners(trace_contours(liver), K)
     counts = NetworkSettings().graphs
     graphs = {split: getattr(counts, split) for split in ("training", "validation", "test")}
     return points, draw_splits(rings, len(points), graphs, Settings().seed)

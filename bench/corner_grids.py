@@ -18,7 +18,7 @@ from definition_3 import structures
 from equal_points import CHAIN, choose_for_shares, measure_at_shares
 
 from cccd.containers import Frame
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.imports import PhantomSettings
 from cccd_datasets.phantoms import make_phantom
 from cccd_paper.comparisons.corner_comparison import search
@@ -39,7 +39,7 @@ def training_samples() -> tuple[list[SliceSample], Frame]:
         phantom = make_phantom(
             "training", organ, PhantomSettings().spacing_mm, seed=SEED, margin_voxels=3, location=""
         )
-        samples += choose_slices(phantom, trace_mask(phantom), SLICES)
+        samples += choose_slices(phantom, trace_contours(phantom), SLICES)
     return samples, phantom.frame
 
 
@@ -78,7 +78,7 @@ def write_tables(scores: pd.DataFrame, folder: Path) -> None:
     best.to_csv(folder / "corner_grids.csv", index=False, float_format="%.4g")
     chosen, parts = choose_for_shares(scores), []
     for name, structure in structures():
-        curves = trace_mask(structure)
+        curves = trace_contours(structure)
         rows = measure_at_shares(choose_slices(structure, curves, 5), curves.frame, chosen)
         parts.append(rows.assign(structure=name))
     measured = pd.concat(parts, ignore_index=True)

@@ -17,10 +17,10 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.corners import k_cosine
 from cccd.geometry.arrays import concatenate_ragged
-from cccd.inputs.load import load_structure
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.root import Settings
 from cccd_paper.comparisons.corner_measures import SWEEP, measure_corners
@@ -38,12 +38,13 @@ def structures():
     for row in read_cohort(sheet):
         name = f"{row['case']}/{row['organ']}"
         if name in CASES:
-            yield name, load_structure(row, sheet.parent, ImportSettings(), seed=Settings().seed)
+            asked = Request.of_row(row, sheet.parent)
+            yield name, read_request(asked, ImportSettings(), seed=Settings().seed)
 
 
 def rows_of(structure) -> list[dict]:
     """A row per reading and k."""
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     outlines = [sample.curve for sample in choose_slices(structure, curves, 5)]
     points, offsets = concatenate_ragged(outlines)
     few = Curves(points, offsets, np.arange(len(outlines)), np.zeros(len(outlines), bool), curves.frame)

@@ -24,7 +24,7 @@ import pandas as pd
 import pyvista as pv
 
 from cccd.containers import Curves, Frame, Sections, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
@@ -121,7 +121,7 @@ def score(name: str, folder: Path) -> pd.DataFrame:
     lofting = LoftSettings()
     drawn = loft_surface(Sections(curves), lofting)
     table = compare_isosurfaces(structure, curves, drawn, IsosurfaceSettings(), lofting)
-    traced = loft_surface(Sections(trace_mask(structure)), lofting)
+    traced = loft_surface(Sections(trace_contours(structure)), lofting)
     own = compare_isosurfaces(structure, curves, traced, IsosurfaceSettings(methods=()), lofting)
     ours = [table.iloc[[0]].assign(setting="from the contours"), own.assign(setting="from the mask")]
     spacing = structure.frame.slice_spacing

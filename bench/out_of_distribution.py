@@ -18,7 +18,7 @@ import numpy as np
 from scipy import ndimage
 
 from cccd.geometry.opencv import border_pixels
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.junctions import BoundarySettings
 from cccd_datasets.phantoms import make_phantom
@@ -42,7 +42,7 @@ def organs():
     """Name, and stacks (S, I, J) of mask and image, of each organ."""
     row = dict.fromkeys(("image", "mask", "boundary", "label", "location"), "")
     brain = row | {"case": "test", "organ": "brain", "source": "mni152"}
-    yield load_structure(brain, Path(), ImportSettings(), seed=SEED)
+    yield read_request(Request.of_row(brain, Path()), ImportSettings(), seed=SEED)
     for organ in ("liver", "kidney"):
         yield make_phantom(
             "unseen", organ, PhantomSettings().spacing_mm, seed=SEED, margin_voxels=MARGIN_PX, location=organ

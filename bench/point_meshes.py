@@ -14,7 +14,7 @@ from pathlib import Path
 import pandas as pd
 from definition_3 import structures
 
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd_paper.comparisons.baselines.surfaces import SURFACES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES
@@ -36,7 +36,7 @@ def main() -> None:
     parser.add_argument("--table", type=Path, default=ROOT / "docs" / "measured" / "point_meshes.csv")
     arguments, rows = parser.parse_args(), []
     for name, structure in sorted(structures(), key=lambda one: one[1].mask.size):
-        curves, reference = trace_mask(structure), Reference.of(structure)
+        curves, reference = trace_contours(structure), Reference.of(structure)
         for method in METHODS:
             mesh, seconds = timed(SURFACES[method].run, structure, curves)
             closed = mesh.is_closed_manifold

@@ -21,12 +21,12 @@ os.environ.setdefault("VTK_SMP_MAX_THREADS", "1")
 import pandas as pd
 from keep_tables import TABLES
 
-from cccd.contours import trace_mask
-from cccd.inputs import load_structure
-from cccd.reconstruction import reconstruct_mask
+from cccd.contours import trace_contours
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.root import Settings
 from cccd.settings.surface import LoftSettings
+from cccd.surface.loft import loft_surface
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
 from cccd_paper.comparisons.isosurfaces import compare_isosurfaces
 from cccd_paper.comparisons.thick_slices import thick_slice_experiment
@@ -40,9 +40,9 @@ METHODS = ("marching cubes", "surface nets", "signed distance + isosurface", *FA
 def score(structure) -> pd.DataFrame:
     """Measure every method on one structure, whole and from every n-th slice."""
     lofting = LoftSettings()
-    surface = reconstruct_mask(structure, lofting)
+    surface = loft_surface(structure.sections(trace_contours(structure)), lofting)
     settings = IsosurfaceSettings(methods=METHODS)
-    whole = compare_isosurfaces(structure, trace_mask(structure), surface, settings, lofting)
+    whole = compare_isosurfaces(structure, trace_contours(structure), surface, settings, lofting)
     tables = [whole.assign(slice_distance_mm=structure.frame.slice_spacing, every_nth=1)]
     if structure.organ not in LETTERS:
         tables.append(thick_slice_experiment(structure, ThickSliceSettings(), lofting))
@@ -57,7 +57,8 @@ def main() -> None:
     tables = []
     for row in read_cohort(ROOT / "config" / "cohort.tsv"):
         if row["source"] in SOURCES:
-            structure = load_structure(row, ROOT / "config", ImportSettings(), seed=Settings().seed)
+            asked = Request.of_row(row, ROOT / "config")
+            structure = read_request(asked, ImportSettings(), seed=Settings().seed)
             tables.append(score(structure))
             print(tables[-1][["method", "chosen", "setting", "assd_mm", "genus", "seconds"]].to_string())
             columns = [*TABLES["thick_slices"], "triangles"]

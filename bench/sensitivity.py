@@ -24,7 +24,7 @@ import pandas as pd
 from settings_pages import Key, keys
 
 from cccd.containers import Curves
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.fitting import fit_splines
 from cccd.errors import InputError
 from cccd.settings.root import Settings, validate_config
@@ -57,7 +57,7 @@ def phantoms() -> list[Curves]:
         make_phantom("case", organ, spacing, seed=1, margin_voxels=3, location=organ)
         for organ, spacing in PHANTOMS
     ]
-    return [trace_mask(structure) for structure in made]
+    return [trace_contours(structure) for structure in made]
 
 
 def curve_figures(settings: Settings) -> Figures:

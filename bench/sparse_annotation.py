@@ -37,7 +37,7 @@ from scipy.spatial import cKDTree  # noqa: E402
 import cccd  # noqa: E402
 from cccd.containers import Structure  # noqa: E402
 from cccd.geometry.distance import to_mask  # noqa: E402
-from cccd.inputs import load_structure  # noqa: E402
+from cccd.inputs import Request, read_request  # noqa: E402
 from cccd.inputs.annotation import fill_mask  # noqa: E402
 from cccd.settings.imports import ImportSettings  # noqa: E402
 from cccd_paper.comparisons import interpolate_contours  # noqa: E402
@@ -70,7 +70,7 @@ def structures(files: list[Path]) -> Iterator[tuple[str, Structure]]:
         settings = ImportSettings.model_validate({"phantom": {"spacing_mm": (edge, edge, edge)}})
         row = dict.fromkeys(("image", "mask", "boundary", "label"), "")
         row |= {"case": "bench", "organ": organ, "source": "phantom", "location": organ}
-        yield f"phantom {organ}", load_structure(row, Path(), settings, seed=0)
+        yield f"phantom {organ}", read_request(Request.of_row(row, Path()), settings, seed=0)
 
 
 def thinned(stack: np.ndarray, gap: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ from scipy.interpolate import splprep
 from torch_geometric.data import Batch
 
 from cccd.containers import Boundaries, Curves, Sections
-from cccd.contours import trace_contours, trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.describe import describe_curves
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.settings.root import Settings
@@ -46,7 +46,7 @@ def junctions(slices: int, settings: Settings) -> Methods:
     return {
         "GNN and minimum cut": lambda: order_boundaries(boundaries, model, image=organ.stack("image")),
         "minimum cut alone": lambda: order_boundaries(boundaries, None),
-        "our tracing of a mask": lambda: trace_mask(organ),
+        "our tracing of a mask": lambda: trace_contours(organ),
         "cv2.findContours of a mask": lambda: [follow(layer) for layer in stack],
     }
 
@@ -70,7 +70,7 @@ def network(slices: int, settings: Settings) -> Methods:
 
 def curves(slices: int, settings: Settings) -> Methods:
     """Chain codes, corners and closed splines, beside a smoothing spline of every curve."""
-    traced = trace_mask(make_organ(slices))
+    traced = trace_contours(make_organ(slices))
     few = settings.curves
     paper = few.model_copy(update={"method": "corners"})
     # splprep bounds the sum of squares: the tolerance that ours has at every point
@@ -91,7 +91,7 @@ def curves(slices: int, settings: Settings) -> Methods:
 def surface(slices: int, settings: Settings) -> Methods:
     """Lofting, beside the isosurface and the smoothing that people take today."""
     organ = make_organ(slices)
-    traced = trace_mask(organ)
+    traced = trace_contours(organ)
     return {
         "spline surface": lambda: loft_surface(Sections(traced), settings.surface),
         "flying edges": lambda: flying_edges(organ),
@@ -114,7 +114,7 @@ def pipeline(slices: int, settings: Settings) -> Methods:
         measure_surface(loft_surface(Sections(curves), settings.surface), organ)
 
     return {
-        "every stage": lambda: reconstruct(lambda: trace_contours(organ)[0]),
+        "every stage": lambda: reconstruct(lambda: trace_contours(organ)),
         "every stage, ordered by the GNN": lambda: reconstruct(ordered_by_network),
         "flying edges + windowed sinc": lambda: windowed_sinc(flying_edges(organ)),
     }

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.imports import PhantomSettings
 from cccd.settings.root import Settings
 from cccd_datasets.phantoms import make_phantom
@@ -46,7 +46,7 @@ def rows_of(case: str, organ: str, tried) -> list[dict]:
     """Measure some choices on one phantom."""
     spacing, seed = PhantomSettings().spacing_mm, Settings().seed
     phantom = make_phantom(case, organ, spacing, seed=seed, margin_voxels=3, location="")
-    curves, rows = trace_mask(phantom), []
+    curves, rows = trace_contours(phantom), []
     for varied, settings in tried:
         found = measure_agreement(tensor_product_loft(curves, settings), phantom, samples=SAMPLES)
         row = {"structure": f"{case}/{organ}", "varied": varied, **asdict(settings)}

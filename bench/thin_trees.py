@@ -19,10 +19,9 @@ import numpy as np  # noqa: E402
 import pandas as pd  # noqa: E402
 from skimage.measure import marching_cubes  # noqa: E402
 
+from cccd import reconstruct  # noqa: E402
 from cccd.containers import Frame, Structure  # noqa: E402
 from cccd.geometry.mesh import Mesh  # noqa: E402
-from cccd.reconstruction import reconstruct_mask  # noqa: E402
-from cccd.settings.surface import LoftSettings  # noqa: E402
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES  # noqa: E402
 from cccd_paper.comparisons.volume_meshes import GRID, windowed_sinc  # noqa: E402
 from cccd_workflow.surface_measures import Reference, measure_mesh  # noqa: E402
@@ -57,7 +56,7 @@ def measured(structure: Structure, truth: Mesh) -> list[tuple[str, dict[str, Any
     """Figures of ours and of the isosurfaces."""
     shape = FAMILIES[BASELINE].shapes[""](structure)
     meshes = {
-        "CCCD": reconstruct_mask(structure, LoftSettings()).mesh,
+        "CCCD": reconstruct(structure).lofted.mesh,
         "signed distance + isosurface": shape,
     } | {f"{BASELINE}, {one}": windowed_sinc(shape, one.rounds, one.pass_band) for one in GRID}
     reference = Reference(truth, truth.volume)

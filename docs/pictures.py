@@ -39,13 +39,13 @@ def typed(command: str) -> str:
 
 def phantom(organ: str, spacing_mm: tuple[float, float, float], source: str = "phantom"):
     """Scan a phantom, whose true surface is known."""
-    from cccd.inputs import load_structure
+    from cccd.inputs import Request, read_request
     from cccd.settings.imports import ImportSettings
 
     row = dict.fromkeys(("image", "mask", "boundary", "label"), "")
     row |= {"case": "gallery", "organ": organ, "source": source, "location": organ}
     settings = ImportSettings.model_validate({"phantom": {"spacing_mm": spacing_mm}})
-    return load_structure(row, FOLDER, settings, seed=3)
+    return read_request(Request.of_row(row, FOLDER), settings, seed=3)
 
 
 def save_mask(structure, name: str) -> None:

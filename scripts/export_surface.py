@@ -4,22 +4,18 @@ from pathlib import Path
 
 from cccd.files import ExportOptions, write_surface
 from cccd.inputs.load import scan_of
-from cccd.settings.surface import TetrahedraSettings
+from cccd.settings.surface import LoftSettings
 from cccd.store import read_drawn, read_structure, write_json
 from cccd.surface.surface import read_surface
 from cccd_workflow.job import job
 
 with job(snakemake.log[0], "{case}/{organ}".format(**snakemake.wildcards), snakemake.input, snakemake.output):
-    settings = snakemake.params.settings
     surface = read_surface(snakemake.input.surface, snakemake.input.mesh)
     options = ExportOptions(
         snakemake.wildcards.organ,
-        settings["contour_spacing_mm"],
         next((path for path in map(Path, snakemake.input.scan) if path.is_dir()), None),
-        keep_patient=settings["keep_patient"],
         drawn=read_drawn(snakemake.input.structure),
-        tolerance_mm=settings["step_tolerance_mm"],
-        tetrahedra=TetrahedraSettings(**settings["tetrahedra"]),
+        settings=LoftSettings(**snakemake.params.settings),
         scan=scan_of(read_structure(snakemake.input.structure)),
     )
     reports = {Path(file).stem.removeprefix("solid_"): file for file in snakemake.output.reports}

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.inputs.load import with_segmentation_notes
 from cccd.plugins import call
 from cccd.settings.imports import ImportSettings
@@ -22,7 +22,7 @@ with (
     naming_row(folder / params.sheet_name, name),
 ):
     settings = ImportSettings(**params.settings)
-    structure = load_structure({**params.row, "location": name}, folder, settings, params.seed)
+    structure = read_request(Request.of_row({**params.row, "location": name}, folder), settings, params.seed)
     for report in snakemake.input.segmentation[1:]:  # of a mask that a segmenter made
         structure = with_segmentation_notes(structure, read_json(report))
     write_structure(output.structure, structure)

@@ -18,6 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
+from cccd.contours import take_contours, trace_contours
 from cccd.errors import EarlyWarning, InputError, MergedLabels
 from cccd.extras import needing
 from cccd.file_headers import object_in
@@ -32,8 +33,8 @@ from cccd.inputs.grid import Volume
 from cccd.inputs.load import existing, scan_of
 from cccd.inputs.row_files import list_labels
 from cccd.plugins import find, row, table
-from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.root import Settings
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 
 if TYPE_CHECKING:
@@ -298,12 +299,11 @@ class Surface:
             Ends with ``.ply``, ``.stl``, ``.step``, ``.vtu`` or another suffix of those that ``cccd surface
             --help`` lists. If something fails, no file is left.
         contour_spacing_mm : float, optional
-            Distance of the RTSTRUCT's planes. Default: that of the scan's slices.
+            Distance of the RTSTRUCT's planes. Default: the settings', or that of the scan's slices.
         keep_patient : bool
-            Whether the RTSTRUCT names the patient, as the scan's DICOM files do.
+            Whether the RTSTRUCT names the patient, as the scan's DICOM files do; so do the settings.
         settings : Settings, optional
-            Section ``surface``: solids use ``step_tolerance_mm`` and ``solid``, tetrahedra also
-            ``tetrahedra``.
+            Section ``surface``: solids use ``step_tolerance_mm``, tetrahedra ``tetrahedra``.
 
         Returns
         -------
@@ -316,19 +316,14 @@ class Surface:
             The suffix is unknown, the extra of the format is not installed, or the folder is not writable.
         """
         surface = checked_settings(settings).surface
+        asked = {
+            "contour_spacing_mm": contour_spacing_mm or surface.contour_spacing_mm,
+            "keep_patient": keep_patient or surface.keep_patient,
+        }
         on_scan = format_of(path) in {"nii.gz", "dcm", "seg.dcm"}
         lofted = self.given if on_scan and self.given is not None else self.lofted
-        options = ExportOptions(
-            self.name,
-            contour_spacing_mm,
-            self.series,
-            keep_patient,
-            self.drawn,
-            surface.step_tolerance_mm,
-            surface.tetrahedra,
-            self.scan,
-            self._filled,
-        )
+        surface = surface.model_copy(update=asked)
+        options = ExportOptions(self.name, self.series, self.drawn, surface, self.scan, self._filled)
         write_surface(path, lofted, options)
         return Path(path)
 
@@ -499,7 +494,7 @@ def reconstruct(
     tell = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
-        lofted = loft_sections(Sections(organ), settings.surface, tell)
+        lofted = _loft(Sections(organ), settings, tell)
         return Surface(lofted, warnings=tuple(lofted.report["warnings"]))
     if isinstance(organ, (str, Path)):
         raise InputError(str(organ), "a path, not an array", "cccd.read reads it: reconstruct(read(path))")
@@ -518,8 +513,27 @@ def reconstruct_structure(
     structure: Structure, settings: Settings, tell: Callable[[str], None] = lambda step: None
 ) -> Surface:
     """Make a surface as `reconstruct` does."""
-    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    return surface_of(structure, loft_sections(structure.sections(curves), settings.surface, tell))
+    match structure.input:
+        case "contours":
+            curves = take_contours(structure)
+        case "mask":
+            curves = trace_contours(structure)
+        case other:
+            make = find(table("CURVES")[other])
+            curves = make(structure, settings.boundaries, settings.gnn.inference)
+    return surface_of(structure, _loft(structure.sections(curves), settings, tell))
+
+
+def _loft(sections: Sections, settings: Settings, tell: Callable[[str], None]) -> LoftedSurface:
+    """Loft what is known of slices; what is wrong with the curves comes before the surface's warnings."""
+    tell("surface")
+    surface = loft_surface(sections, settings.surface)
+    if sections.mask is None:
+        from cccd.curves.describe import crossed_warnings, self_crossed_warnings
+
+        wrong = [*self_crossed_warnings(sections.curves), *crossed_warnings(sections.curves)]
+        surface.report["warnings"] = [*wrong, *surface.report["warnings"]]
+    return surface
 
 
 def surface_of(structure: Structure, lofted: LoftedSurface) -> Surface:

@@ -150,8 +150,6 @@ def check_files(outputs: Sequence[Path], sources: Sequence[Path | None]) -> None
     for path in outputs:
         if absolute.count(path.absolute()) > 1:
             raise InputError(str(path), "named twice as output", "name it once")
-        if path.is_dir():
-            raise InputError(str(path), "that is a folder", "give the name of a file in it")
         if any(source is not None and _is_read(path, source) for source in sources):
             raise InputError(str(path), "that is the input", "give another name")
         check_writable(path)
@@ -188,12 +186,7 @@ def write_with_band(
     files |= {with_name(path, str(n)): sample for n, sample in enumerate(samples, 1)}
     for file, one in files.items():
         with clock(f"writing {file.name}"):
-            one.write(
-                file,
-                contour_spacing_mm=settings.surface.contour_spacing_mm,
-                keep_patient=settings.surface.keep_patient,
-                settings=settings,
-            )
+            one.write(file, settings=settings)
     return list(files)
 
 

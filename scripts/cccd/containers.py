@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -130,28 +130,6 @@ class Frame:
         points = np.asarray(points, float)
         index = np.column_stack([points, np.broadcast_to(np.asarray(k, float), len(points))])
         return index @ self.stack_affine[:3, :3].T + self.stack_affine[:3, 3]
-
-
-@dataclass(frozen=True, eq=False)
-class MaskStack:
-    """Which pixels (S, I, J) are the organ."""
-
-    values: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class BoundaryMaps:
-    """Which pixels (S, I, J) are on the organ's boundary, as far as somebody found them; not in order."""
-
-    values: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class GreyImage:
-    """Grey values (S, I, J), and where a threshold found the organ (S, I, J): its edges are near by."""
-
-    values: np.ndarray
-    region: np.ndarray
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,22 +292,19 @@ class Structure:
         return ProbabilityStack(stack[inside], self.stack_origin + np.array([inside.start, 0, 0]))
 
     @property
-    def source(self) -> Source:
-        """What the surface is made from; its type says how contours are found. Stacks are slices first.
+    def input(self) -> str:
+        """The attribute that the surface is made from; it says how contours are found.
 
         Raises
         ------
         InputError
             There is nothing but an image.
         """
-        if self.boundary is not None:
-            return BoundaryMaps(self.required_stack("boundary"))
-        if self.contours is not None:
-            return self.contours
-        if self.region is not None:
-            return GreyImage(self.required_stack("image"), self.required_stack("region"))
-        level = self.probability_stack
-        return MaskStack(self.required_stack("mask")) if level is None else level
+        for name in ("contours", "boundary", "region"):
+            if getattr(self, name) is not None:
+                return name
+        self.required_stack("mask")
+        return "mask"
 
     @property
     def affine(self) -> np.ndarray:
@@ -347,10 +322,9 @@ class Structure:
         InputError
             There is nothing but an image.
         """
-        source = self.source
-        if not isinstance(source, Curves):
-            drawn = [array for array in (self.boundary, self.region, self.mask) if array is not None]
-            return drawn[0]
+        source = self.contours
+        if source is None:
+            return getattr(self, self.input)
         image = self.stack("image")
         if image is not None:
             a, b, c = image.shape
@@ -362,8 +336,8 @@ class Structure:
 
     def sections(self, curves: Curves) -> Sections:
         """Combine curves of the structure with what else it knows of its slices."""
-        source = self.source
-        mask = source.values if isinstance(source, MaskStack) else None
+        is_mask = self.input == "mask" and self.probability is None
+        mask = self.stack("mask") if is_mask else None
         return Sections(curves, mask, self.stack_origin, self.annotation, self.probability_stack)
 
     @property
@@ -476,10 +450,6 @@ class Splines:
             begin, end = float(knots[self.degree]), float(knots[-self.degree - 1])
             parts.append(evaluate_spline(knots, control, begin + (end - begin) * np.arange(count) / count))
         return Curves(np.concatenate(parts), offsets_of(counts), self.slice, self.hole, self.frame)
-
-
-#: What a structure brings: a mask, probabilities, drawn contours, boundary maps, or an image.
-Source: TypeAlias = MaskStack | ProbabilityStack | Curves | BoundaryMaps | GreyImage
 
 
 @dataclass

@@ -9,11 +9,10 @@ from __future__ import annotations
 from collections.abc import Hashable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from typing import Any, cast
+from typing import cast
 
 import contourpy
 import numpy as np
-import scipy
 
 from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.errors import InputError
@@ -21,23 +20,14 @@ from cccd.geometry.arrays import (
     FloatArray,
     RealArray,
     concatenate_ragged,
-    connected_parts,
     owners_of,
     split_ragged,
 )
-from cccd.geometry.opencv import borders_of, components
+from cccd.geometry.opencv import borders_of
 from cccd.geometry.polygons import RaggedPolygons
 
 #: Probabilities count as no nearer to one half than this: their level passes no pixel's centre.
 NEAREST_HALF = 0.02
-
-
-def trace_mask(structure: Structure) -> Curves:
-    """Outer borders and borders of holes of a mask's slices, ordered exactly: no network needed.
-
-    See `trace_stack`; what has no polygon is counted by `left_out`.
-    """
-    return trace_stack(structure.required_stack("mask"), structure.stack_origin, structure.frame)
 
 
 def trace_stack(mask: np.ndarray, origin: Sequence[int] | np.ndarray, frame: Frame) -> Curves:
@@ -185,50 +175,6 @@ def _loops(walk: Sequence[Hashable]) -> list[list[int]]:
     return [loop for loop in [*loops, stack] if len(loop) >= 3]
 
 
-def left_out(mask: np.ndarray, origin: Sequence[int] | np.ndarray, curves: Curves) -> dict[str, int]:
-    """Count what of a mask (S, I, J) its curves do not enclose.
-
-    Returns
-    -------
-    dict
-        ``components``: in-slice components (8-connected) too small to have a polygon;
-        ``component_pixels``: their pixels; ``spur_pixels``: pixels of other components that lie on spurs
-        or bridges one pixel wide; ``parts``: parts of the whole mask (26-connected) that have no polygon on
-        any slice; ``part_voxels``: their voxels; ``voxels``: the mask's.
-    """
-    missing = mask & ~curves.rasterise(origin, mask.shape)
-    small, spurs = np.zeros_like(mask), 0
-    sizes: list[int] = []
-    for k in np.flatnonzero(missing.any(axis=(1, 2))):
-        labels, size = components(np.asarray(mask[k], np.uint8), connectivity=8)
-        lost = np.bincount(labels[missing[k]], minlength=len(size))
-        whole = (lost == size) & (lost > 0)
-        small[k] = whole[labels]
-        sizes += size[whole].tolist()
-        spurs += int(lost[~whole].sum())
-    parts = _apart(mask, small)
-    return {
-        "components": len(sizes),
-        "component_pixels": sum(sizes),
-        "spur_pixels": spurs,
-        "parts": len(parts),
-        "part_voxels": int(parts.sum()),
-        "voxels": int(np.count_nonzero(mask)),
-    }
-
-
-def _apart(mask: np.ndarray, small: np.ndarray) -> np.ndarray:
-    """Voxels (P,) of each part (26-connected) of a mask (S, I, J) that is made of small components alone."""
-    at = np.argwhere(small)
-    if not len(at):
-        return np.zeros(0, int)
-    kept = np.pad(mask & ~small, 1)
-    near = np.any([kept[tuple((at + step).T)] for step in np.ndindex(3, 3, 3)], axis=0)
-    one, other = scipy.spatial.cKDTree(at).query_pairs(1.8, output_type="ndarray").T  # a corner: sqrt(3)
-    part = connected_parts(one, other, len(at))
-    return np.bincount(part)[np.bincount(part, near) == 0]
-
-
 def zero_contours(plane: RealArray) -> list[FloatArray]:
     """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more.
 
@@ -256,7 +202,7 @@ def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
 _CHANGED = "its file has changed since the run was planned: run snakemake again"
 
 
-def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
+def trace_contours(structure: Structure) -> Curves:
     """Follow the borders of a mask's slices: exact, so that no network could add to it.
 
     Of probabilities it is their level of one half, which runs between the pixels.
@@ -268,10 +214,8 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
 
     Returns
     -------
-    curves : Curves
-        Closed, simple, oriented; see `cccd.contours.trace_stack`.
-    report : dict
-        Plain JSON: ``method``, and in ``left_out`` what of the mask has no polygon: surfaces have it.
+    Curves
+        Closed, simple, oriented; see `trace_stack` and `level_curves`.
 
     Raises
     ------
@@ -282,30 +226,20 @@ def trace_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     if mask is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there is no mask to trace", _CHANGED)
     probability = structure.probability_stack
-    if probability is None:
-        method, curves = "traced mask", trace_stack(mask, structure.stack_origin, structure.frame)
-    else:
-        method, curves = "level of probabilities", level_curves(probability, structure.frame)
-    report = {"method": method, "left_out": left_out(mask, structure.stack_origin, curves)}
+    if probability is not None:
+        return check_closed(level_curves(probability, structure.frame), structure)
+    curves = trace_stack(mask, structure.stack_origin, structure.frame)
     # what is one pixel wide everywhere has no curve through its pixels' centres, but it has a border
-    traced = curves if probability is None and mask.any() else check_closed(curves, structure)
-    return traced, report
+    return curves if mask.any() else check_closed(curves, structure)
 
 
-def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
+def take_contours(structure: Structure) -> Curves:
     """Take drawn contours (RTSTRUCT) as they are.
 
     Parameters
     ----------
     structure : Structure
         With contours.
-
-    Returns
-    -------
-    curves : Curves
-        The contours.
-    report : dict
-        Plain JSON: ``method``.
 
     Raises
     ------
@@ -314,7 +248,7 @@ def take_contours(structure: Structure) -> tuple[Curves, dict[str, Any]]:
     """
     if structure.contours is None:
         raise InputError(f"{structure.case}/{structure.organ}", "there are no drawn contours", _CHANGED)
-    return check_closed(structure.contours, structure), {"method": "contours as given"}
+    return check_closed(structure.contours, structure)
 
 
 def check_closed(curves: Curves, structure: Structure) -> Curves:

@@ -6,10 +6,10 @@ no more than headers.
 
 from __future__ import annotations
 
-import os
+import contextlib
+import glob
 import re
 from pathlib import Path
-from typing import NamedTuple
 
 from cccd.errors import InputError, choices
 from cccd.extras import missing_extra
@@ -71,58 +71,19 @@ def object_in(path: Path) -> Path:
     return objects[0] if objects else path
 
 
-# The field that says where the voxels are; its values for "in this file" and "in several files".
-_VOXEL_FIELD = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
-_IN_ITSELF = re.compile(rb"local", re.IGNORECASE)
-_SEVERAL_FILES = re.compile(rb"list( \d)?|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?", re.IGNORECASE)
-
 # Headers are no longer.
 _HEADER_BYTES = 1 << 20
 
 _PAIRS = {".hdr": (".img", ".img.gz"), ".img": (".hdr",), ".npz": (".pkl",)}
 
-
-class VoxelHeader(NamedTuple):
-    """The header of a MetaImage or NRRD.
-
-    Attributes
-    ----------
-    fields : bytes
-        Its lines: of a MetaImage down to the one that says where the voxels are, of a NRRD down to the first
-        blank line.
-    voxels : bytes or None
-        What it says of where the voxels are; None where they are in the file itself.
-    listed : bytes
-        Lines that follow the field of ``voxels``: the file names of a list.
-    """
-
-    fields: bytes
-    voxels: bytes | None
-    listed: bytes
-
-    @property
-    def in_several_files(self) -> bool:
-        """Whether the voxels are in files that are listed or numbered."""
-        return self.voxels is not None and _SEVERAL_FILES.fullmatch(self.voxels) is not None
+# A number in the names of files that a header counts: any digits.
+_NUMBER = re.compile(r"%0?\d?d")
 
 
-def read_voxel_header(path: Path) -> VoxelHeader:
-    """Read the header of a MetaImage (``.mha``, ``.mhd``) or NRRD (``.nrrd``, ``.nhdr``), damaged or not.
-
-    Raises
-    ------
-    OSError
-        The file cannot be read.
-    """
+def read_header(path: Path) -> bytes:
+    """Read the header of a MetaImage or NRRD, and what follows it."""
     with path.open("rb") as file:
-        start = file.read(_HEADER_BYTES)
-    is_meta = path.name.lower().endswith((".mha", ".mhd"))
-    header = start if is_meta else re.split(rb"\r?\n\r?\n", start)[0]
-    found = _VOXEL_FIELD.search(header)
-    if found is None:
-        return VoxelHeader(header, None, b"")
-    voxels = None if _IN_ITSELF.fullmatch(found[1]) else found[1]
-    return VoxelHeader(header[: found.end()] if is_meta else header, voxels, header[found.end() :])
+        return file.read(_HEADER_BYTES)
 
 
 def voxel_files(path: Path) -> list[Path]:
@@ -134,28 +95,18 @@ def voxel_files(path: Path) -> list[Path]:
         A file that the sheet names; one that cannot be read has none, its reader says why.
     """
     suffix = path.suffix.lower()
-    found = [path.with_suffix(other) for other in _PAIRS.get(suffix, ())]
     if suffix in (".mhd", ".nhdr"):
-        found = _named(path)
-    # os.path accepts names that no file can have, as damaged headers hold; Path raises
-    return sorted({file for file in found if os.path.isfile(file)} - {path})
+        with contextlib.suppress(OSError):
+            return named_files(path)
+    return sorted(file for other in _PAIRS.get(suffix, ()) if (file := path.with_suffix(other)).is_file())
 
 
-def _named(path: Path) -> list[Path]:
-    """Files that a header names, whether they exist or not."""
-    try:
-        header = read_voxel_header(path)
-    except OSError:
-        return []
-    if header.voxels is None:
-        return []
-    value = header.voxels.decode(errors="replace")
-    if not header.in_several_files:
-        return [path.parent / value]
-    if "%" not in value:  # a list: a line each
-        lines = header.listed.decode(errors="replace").splitlines()
-        return [path.parent / line.strip() for line in lines]
-    pattern = path.parent / value.split()[0]
-    form = r"\d+".join(map(re.escape, re.split(r"%0?\d?d", pattern.name)))
-    beside = pattern.parent.glob("*") if os.path.isdir(pattern.parent) else ()
-    return [file for file in beside if re.fullmatch(form, file.name)]
+def named_files(path: Path) -> list[Path]:
+    """List the files that the header of a MetaImage or NRRD names: one, a list, or numbered ones."""
+    lines = read_header(path).decode(errors="replace").splitlines()
+    values = [re.split("[:=]", line, maxsplit=1)[-1].strip() for line in lines]
+    names = [value.split()[0] if _NUMBER.search(value) else value for value in values if value]
+    forms = [_NUMBER.sub("[0-9]*", glob.escape(name)) for name in names]
+    # glob accepts names that no file can have, as damaged headers hold; Path raises
+    found = {path.parent / file for form in forms for file in glob.glob(form, root_dir=path.parent)}
+    return sorted(file for file in found - {path} if file.is_file())

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ctypes
 import locale
-import struct
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -29,12 +28,10 @@ from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import fill_mask
 from cccd.inputs.grid import Volume
 from cccd.plugins import COLOUR, NOTE, find, formats, own_rows, row
-from cccd.settings.surface import LoftSettings, TetrahedraSettings
+from cccd.settings.surface import LoftSettings
 from cccd.store import atomic_path, check_writable
 from cccd.store import write_ply as write_mesh
 from cccd.surface.surface import LoftedSurface
-
-_DEFAULT = LoftSettings()
 
 
 @dataclass(frozen=True)
@@ -45,18 +42,12 @@ class ExportOptions:
     ----------
     organ : str
         Name of the structure.
-    contour_spacing_mm : float or None
-        Distance of contours' planes; None for the scan's slices.
     series : Path or None
         Folder of the DICOM series that the file shall refer to.
-    keep_patient : bool
-        Whether that file says who the patient is.
     drawn : Structure or None
         What was drawn, where only some slices were: a label map keeps those as they are.
-    tolerance_mm : float
-        99 % of a solid's surface shall lie so near to the mesh.
-    tetrahedra : TetrahedraSettings
-        Section ``surface.tetrahedra`` of the configuration.
+    settings : LoftSettings
+        Section ``surface`` of the configuration.
     scan : Volume or None
         Whose grey values tetrahedra get.
     filled : dict
@@ -65,12 +56,9 @@ class ExportOptions:
     """
 
     organ: str = "surface"
-    contour_spacing_mm: float | None = None
     series: Path | None = None
-    keep_patient: bool = False
     drawn: Structure | None = None
-    tolerance_mm: float = _DEFAULT.step_tolerance_mm
-    tetrahedra: TetrahedraSettings = _DEFAULT.tetrahedra
+    settings: LoftSettings = field(default_factory=LoftSettings)
     scan: Volume | None = None
     filled: dict[str, tuple[Any, dict[str, Any]]] = field(
         default_factory=dict[str, tuple[Any, dict[str, Any]]]
@@ -130,8 +118,6 @@ def write_surface(
         For a folder, another suffix, a format whose extra is not installed, or where nothing can be written.
     """
     options = options or ExportOptions()
-    if Path(path).is_dir():
-        raise InputError(str(path), "that is a folder", "give the name of a file in it")
     check_format(path)
     check_writable(path)
     write = find(row("WRITERS", format_of(path)).writer)
@@ -216,12 +202,8 @@ def binary_stl(mesh: Mesh, note: str) -> bytes:
 
     A binary STL must not begin with "solid": readers would take it for text.
     """
-    corners = mesh.vertices[mesh.faces]
-    table = np.zeros(len(corners), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-    table["normal"] = mesh.unit_normals
-    table["corners"] = corners
-    head = note.encode("ascii", "replace").removeprefix(b"solid")[:80].ljust(80)
-    return head + struct.pack("<I", len(corners)) + table.tobytes()
+    stl: bytes = cast(Any, mesh.to_trimesh()).export(file_type="stl")
+    return note.encode("ascii", "replace").removeprefix(b"solid")[:80].ljust(80) + stl[80:]
 
 
 def write_label_map(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:

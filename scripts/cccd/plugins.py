@@ -9,7 +9,7 @@ table                     a row
 ``OPTIONS``               path of what ``cccd surface`` does of an option or another input, by it
 ``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
 ``WRITERS``               a format of files: `Format`
-``CURVES``                path of a function that makes curves of an input, by the input's type
+``CURVES``                path of a function that makes curves, by what of (`Structure.input`, pixels)
 ``SOURCES``               path of what makes a row's `Scan` or `Structure`, by its source
 ``LAYOUTS``               path of what completes a row of a named cohort, by its source
 ``MASKS``                 path of what finds an organ in an image, by how (`cccd.inputs.load.find_organ`)

@@ -74,8 +74,10 @@ def check_writable(path: str | Path) -> None:
     Raises
     ------
     InputError
-        Nothing can be written there.
+        It is a folder, or nothing can be written there.
     """
+    if Path(path).is_dir():
+        raise InputError(str(path), "that is a folder", "give the name of a file in it")
     folder = next(parent for parent in Path(path).absolute().parents if os.path.exists(parent))
     if not folder.is_dir():
         raise InputError(str(path), f"{folder} is not a folder", "give a folder that you can write to")

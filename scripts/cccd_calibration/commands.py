@@ -11,7 +11,7 @@ import cccd
 from cccd.bands import Calibration, Reader
 from cccd.commands import check_files
 from cccd.errors import InputError
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.settings.root import Settings
 from cccd.store import atomic_path
 from cccd_calibration.readers import Pair, calibrate_readers, compare_readers, read_pairs
@@ -52,8 +52,8 @@ def _calibrate(given: argparse.Namespace) -> int:
 
 
 def _of_masks(sheet: Path, settings: Settings) -> tuple[Calibration, list[str]]:
-    rows = read_cohort(sheet)
-    structures = (load_structure(row, sheet.parent, settings.import_, settings.seed) for row in rows)
+    rows = [Request.of_row(row, sheet.parent) for row in read_cohort(sheet)]
+    structures = (read_request(row, settings.import_, settings.seed) for row in rows)
     with tqdm(structures, total=len(rows), disable=None, leave=False) as bar:
         calibration = calibrate_masks(bar, len(rows), settings, sheet.name)
     return calibration, [

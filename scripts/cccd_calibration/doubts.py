@@ -21,7 +21,7 @@ from tqdm import tqdm
 
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray
 from cccd.geometry.opencv import border_pixels
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
 from cccd.settings.junctions import BoundarySettings
 from cccd_calibration.conformal import first_enough
@@ -129,7 +129,7 @@ def edges_of_slices(
 def _brain() -> tuple[AnyArray, AnyArray]:
     row = dict.fromkeys(("image", "mask", "boundary", "label", "location"), "")
     brain = row | {"case": "mni152", "organ": "brain", "source": "mni152"}
-    structure = load_structure(brain, Path(), ImportSettings(), seed=0)
+    structure = read_request(Request.of_row(brain, Path()), ImportSettings(), seed=0)
     return structure.required_stack("mask"), structure.required_stack("image")
 
 

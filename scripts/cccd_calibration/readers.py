@@ -143,6 +143,6 @@ def compare_readers(first: Structure, second: Structure, settings: Settings, nam
 
 def _lofted(structure: Structure, settings: Settings) -> tuple[SplineSolid, Mesh]:
     """Loft a mask: in the plane, and in mm RAS."""
-    sections = structure.sections(trace_contours(structure)[0])
+    sections = structure.sections(trace_contours(structure))
     solid = loft_in_plane(sections, settings.surface)
     return solid, solid.mesh.transformed(solid.stack.to_world).outwards()

@@ -115,7 +115,7 @@ def cut(name: str, mesh: Mesh, ratio: float, rng: np.random.Generator) -> Thinne
         return None
     reading = settings.import_.model_copy(update={"slice_axis": 2})
     structure = structure_of_array(mask, affine, reading, name, EVERY_SLICE)
-    sections = structure.sections(trace_contours(structure)[0])
+    sections = structure.sections(trace_contours(structure))
     try:
         solid = loft_in_plane(sections, settings.surface)
     except InputError as error:  # too thin a body for so few slices

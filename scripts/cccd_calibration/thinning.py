@@ -161,7 +161,7 @@ def thin_once(
     reading = settings.import_.model_copy(update={"slice_axis": how.axis})
     rule = NONEMPTY if how.drawn else EVERY_SLICE
     thinned = structure_of_array(kept, grid, reading, name, rule)
-    sections = thinned.sections(trace_contours(thinned)[0])
+    sections = thinned.sections(trace_contours(thinned))
     solid = loft_in_plane(sections, settings.surface)
     whole = Structure(
         structure.case, structure.organ, Frame(affine, how.axis, mask.shape), np.zeros(3, int), mask=mask

@@ -24,9 +24,8 @@ _SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the mesh in mm LPS, with references to its scan."""
-    write_encapsulated_stl(
-        path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient
-    )
+    keep, mesh = options.settings.keep_patient, surface.mesh
+    write_encapsulated_stl(path, mesh, name=options.organ, reference=options.series, keep_patient=keep)
 
 
 def write_encapsulated_stl(

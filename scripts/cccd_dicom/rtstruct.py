@@ -46,9 +46,9 @@ def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
         surface.mesh,
         surface.frame.of_file,
         name=options.organ,
-        spacing_mm=options.contour_spacing_mm,
+        spacing_mm=options.settings.contour_spacing_mm,
         reference=options.series,
-        keep_patient=options.keep_patient,
+        keep_patient=options.settings.keep_patient,
     )
 
 

@@ -42,9 +42,8 @@ def check_series(path: Path, series: Path | None) -> None:
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     """Write the voxels whose centres lie inside."""
-    write_seg(
-        path, surface.mesh, name=options.organ, reference=options.series, keep_patient=options.keep_patient
-    )
+    keep, mesh = options.settings.keep_patient, surface.mesh
+    write_seg(path, mesh, name=options.organ, reference=options.series, keep_patient=keep)
 
 
 def write_seg(

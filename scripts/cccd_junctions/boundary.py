@@ -14,16 +14,7 @@ import cv2
 import numpy as np
 import scipy
 
-from cccd.containers import (
-    Boundaries,
-    BoundaryMaps,
-    Curves,
-    Frame,
-    GreyImage,
-    MaskStack,
-    ProbabilityStack,
-    Structure,
-)
+from cccd.containers import Boundaries, Curves, Frame, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, offsets_of, ranks_of
 from cccd.geometry.opencv import distance_to_zero
@@ -71,15 +62,16 @@ def extract_boundaries(structure: Structure, settings: BoundarySettings) -> Boun
     InputError
         When the wanted source is not there or no slice has a boundary.
     """
-    match structure.source:
-        case Curves() as drawn:
-            return _draw(drawn, structure.frame)
-        case BoundaryMaps(maps):
-            pass
-        case GreyImage(image, region):
+    if structure.contours is not None:
+        return _draw(structure.contours, structure.frame)
+    match structure.input:
+        case "region":
+            image, region = structure.required_stack("image"), structure.required_stack("region")
             maps = edge_map(image, region, settings)
-        case MaskStack() | ProbabilityStack():
+        case "mask":
             maps = _boundary_of_mask(structure, settings)
+        case other:
+            maps = structure.required_stack(other)
     if not maps.any():
         location = f"{structure.case}/{structure.organ}"
         raise InputError(location, "no slice has a boundary", "check the label, the threshold or the image")

@@ -3,7 +3,7 @@
 API = {"order": "cccd_junctions.maps.order"}
 
 CURVES = {
-    "BoundaryMaps": "cccd_junctions.ordering.order_maps",
-    "GreyImage": "cccd_junctions.ordering.order_maps",
-    "Boundaries": "cccd_junctions.ordering.order_pixels",
+    "boundary": "cccd_junctions.ordering.order_maps",
+    "region": "cccd_junctions.ordering.order_maps",
+    "pixels": "cccd_junctions.ordering.order_pixels",
 }

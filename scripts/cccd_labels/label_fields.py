@@ -106,7 +106,7 @@ def level_blocks(structure: Structure, settings: LoftSettings) -> Iterator[Level
 def label_sections(structure: Structure) -> Sections:
     """Gather what is known of a label's slices; a mask needs no curves."""
     if structure.probability is not None:
-        return structure.sections(trace_contours(structure)[0])
+        return structure.sections(trace_contours(structure))
     empty = np.zeros(0, np.int32)
     curves = Curves(np.zeros((0, 2)), np.zeros(1, np.int64), empty, empty.astype(bool), structure.frame)
     return structure.sections(curves)

@@ -19,7 +19,7 @@ from cccd.inputs.annotation import AUTO
 from cccd.inputs.file_requests import refuse_image, request_for
 from cccd.inputs.grid import Volume, interpolate_on_grid, on_grid
 from cccd.inputs.load import existing
-from cccd.inputs.row_files import RowFiles
+from cccd.inputs.row_files import reading_once
 from cccd.settings.root import Settings
 from cccd_labels.label_maps import MapLabel, colour_of, list_map, read_parts
 from cccd_viewers.regions import DrawnLabels
@@ -76,7 +76,7 @@ def measure_labels(path: Path, table: Path | None = None) -> list[tuple[Surveyed
 
 def _read_one_by_one(path: Path, table: Path | None) -> Iterator[tuple[MapLabel, Volume | None]]:
     """Read what DICOM objects and nnU-Net's probabilities hold; what cannot be read says why."""
-    files, settings = RowFiles(shared=True), Settings()
+    files, settings = reading_once(), Settings()
     for label in list_map(path, table):
         try:
             organ = read_request(request_for(path, label.label), settings.import_, settings.seed, files)

@@ -22,7 +22,7 @@ from cccd.inputs import read_request
 from cccd.inputs.annotation import AUTO
 from cccd.inputs.file_requests import refuse_image, request_for
 from cccd.inputs.load import existing
-from cccd.inputs.row_files import RowFiles
+from cccd.inputs.row_files import reading_once
 from cccd.settings.root import Settings
 from cccd_labels.label_fields import LabelFields, LevelBlock, bytes_needed, level_blocks
 from cccd_labels.label_maps import MapLabel, list_map
@@ -88,7 +88,7 @@ class WholeMap:
         source = existing(Path(path).absolute(), "mask")
         refuse_image(source)
         whole = cls(dict(enumerate(list_map(source, table), 1)), {}, settings, source)
-        files = RowFiles(shared=True)
+        files = reading_once()
         for number, label in whole.labels.items():
             if label.left_out:
                 why = f"{label.left_out}: too small for a surface; it is left out"

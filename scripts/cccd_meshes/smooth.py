@@ -6,12 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from cccd.api import Surface, checked_settings, one_thread
+from cccd.api import Surface, checked_settings, one_thread, reconstruct_structure
 from cccd.extras import needing
 from cccd.inputs.file_requests import name_of
 from cccd.inputs.load import existing, frame_of
 from cccd.inputs.row_files import read_image
-from cccd.reconstruction import find_contours, loft_sections
 from cccd.settings.root import Settings
 from cccd.surface.surface import LoftedSurface
 from cccd_meshes.closed_meshes import (
@@ -79,8 +78,6 @@ def smooth_mesh(
             check_overlap(structure.truth, scan, path.name)
             given = LoftedSurface([], structure.truth, grid)
         series = source if source.is_dir() else None
-    curves = find_contours(structure, settings.boundaries, settings.gnn.inference)
-    lofted = loft_sections(structure.sections(curves), settings.surface, tell)
-    lofted = replace(lofted, band=None)  # that is of organs in scans
-    notes = (*structure.warnings, *lofted.report["warnings"])
-    return Surface(lofted, structure.organ, series, notes, given=given, scan=scan)
+    surface = reconstruct_structure(structure, settings, tell)
+    lofted = replace(surface.lofted, band=None)  # that is of organs in scans
+    return replace(surface, lofted=lofted, series=series, drawn=None, given=given, scan=scan)

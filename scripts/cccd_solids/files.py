@@ -12,5 +12,5 @@ from cccd_solids.build import build_solids, write_solids
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Write the surface's bodies as solids in mm RAS, a product for each; the suffix chooses the format."""
-    solids = build_solids(surface, options.tolerance_mm)
+    solids = build_solids(surface, options.settings.step_tolerance_mm)
     return write_solids(path, options.organ, solids, path.suffix[1:].lower())

@@ -34,11 +34,11 @@ NO_MATERIAL = (1.0, 0.3, T_PER_MM3)
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
     """Fill the surface unless that was done, and write the tetrahedra; the suffix chooses the format."""
-    key = f"{options.organ} {options.tetrahedra.model_dump_json()}"
+    key = f"{options.organ} {options.settings.tetrahedra.model_dump_json()}"
     if key not in options.filled:
         organs, frames = {options.organ: surface.mesh}, {options.organ: surface.frame}
         scans = {} if options.scan is None else {options.organ: options.scan}
-        options.filled[key] = fill_and_measure(organs, options.tetrahedra, frames, scans)
+        options.filled[key] = fill_and_measure(organs, options.settings.tetrahedra, frames, scans)
     filled, report = options.filled[key]
     form = path.suffix[1:].lower()
     WRITERS[form](path, filled)

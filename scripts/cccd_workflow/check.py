@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from itertools import groupby
 from operator import itemgetter
@@ -16,10 +16,10 @@ from nibabel.orientations import aff2axcodes
 
 from cccd.commands import add_input, check_files, read_given
 from cccd.console import print_error
-from cccd.containers import BoundaryMaps, Curves, GreyImage, Structure
+from cccd.containers import Structure
 from cccd.errors import InputError
-from cccd.inputs import load_structure
-from cccd.inputs.row_files import RowFiles
+from cccd.inputs import Request, read_request
+from cccd.inputs.row_files import reading_once
 from cccd.settings.root import Settings
 from cccd.store import atomic_path, check_writable
 from cccd_labels.label_survey import SurveyedLabel, measure_labels, survey_labels
@@ -72,7 +72,7 @@ def _check_sheet(given: argparse.Namespace) -> int:
     found: list[dict[str, Any]] = []
     failed = False
     for _, alike in groupby(rows, key=itemgetter("image", "mask")):
-        files = RowFiles(shared=True)
+        files = reading_once()
         for row in alike:
             try:
                 found.append(_check_one(given, *_survey_row(row, sheet.parent, files)))
@@ -85,12 +85,12 @@ def _check_sheet(given: argparse.Namespace) -> int:
 
 
 def _survey_row(
-    row: Mapping[str, str], folder: Path, files: RowFiles
+    row: Mapping[str, str], folder: Path, files: Callable[..., Any]
 ) -> tuple[Structure, Sequence[SurveyedLabel], DrawnLabels | None]:
     """Read a row's structure, or all labels of a map whose organ is ``*``."""
     if row["organ"] != "*":
         settings = Settings()
-        return load_structure(row, folder, settings.import_, settings.seed, files), (), None
+        return read_request(Request.of_row(row, folder), settings.import_, settings.seed, files), (), None
     image, table = (folder / row[column] if row[column] else None for column in ("image", "labels"))
     try:
         structure, told, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)
@@ -159,11 +159,7 @@ def _describe_structure(structure: Structure, drawn: DrawnLabels | None) -> dict
 
 def _slices(structure: Structure) -> list[int]:
     """Numbers of the slices with organ, ascending."""
-    match structure.source:
-        case Curves() as drawn:
-            return sorted(set(drawn.slice.tolist()))
-        case BoundaryMaps(stack) | GreyImage(region=stack):
-            pass
-        case _:
-            stack = structure.required_stack("mask")
+    if structure.contours is not None:
+        return sorted(set(structure.contours.slice.tolist()))
+    stack = structure.required_stack(structure.input)
     return np.flatnonzero(stack.any(axis=(1, 2))).tolist()

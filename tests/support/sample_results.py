@@ -12,7 +12,7 @@ from cccd import store
 from cccd.bands import Band
 from cccd.chaincode import chain_codes
 from cccd.containers import FittedCurves, Frame, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
@@ -70,7 +70,7 @@ def write_results(folder: Path, case: str, organ: str, warnings: tuple[str, ...]
     store.write_structure(folder / "structure.h5", structure)
     boundaries = extract_boundaries(structure, BOUNDARIES)
     stage_files.write_boundaries(folder / "boundaries.h5", boundaries)
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     corner = np.concatenate([np.arange(len(part)) % max(1, len(part) // 24) == 0 for part in curves])
     splines = corner_splines(curves, corner)
     codes = chain_codes(curves.points, curves.offsets)

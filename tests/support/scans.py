@@ -20,6 +20,8 @@ from pydicom.uid import (
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
+from cccd.containers import Structure
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -43,6 +45,11 @@ def dicom_file(sop_class, entropy):
 def settings(**changes):
     """The default settings of the import, but for some changes."""
     return ImportSettings(**changes)
+
+
+def load_structure(columns, folder, asked, seed=0) -> Structure:
+    """The structure of a row of a sheet in the folder."""
+    return read_request(Request.of_row(columns, Path(folder)), asked, seed)
 
 
 def row(**columns):

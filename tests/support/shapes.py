@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.surface import LoftSettings
 
 SETTINGS = LoftSettings()
@@ -19,7 +19,7 @@ def structure_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0), affine: np.ndarray |
 
 
 def curves_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> Curves:
-    return trace_mask(structure_of(mask, spacing))
+    return trace_contours(structure_of(mask, spacing))
 
 
 def grid(*shape: int) -> np.ndarray:

@@ -11,13 +11,14 @@ from scipy import ndimage
 
 from cccd import chaincode
 from cccd.containers import Frame, Structure
-from cccd.contours import left_out, take_contours, trace_contours, trace_mask, trace_stack
+from cccd.contours import take_contours, trace_contours, trace_stack
 from cccd.errors import InputError
 from cccd.geometry.arrays import concatenate_ragged, successors
 from cccd.settings.junctions import BoundarySettings
 from cccd_junctions.boundary import extract_boundaries, outline
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.ordering import order_contours
+from cccd_workflow import contour_ways
 
 FRAME = Frame(np.eye(4), 2, (60, 60, 9))
 ORIGIN = np.array([3, 10, 20])
@@ -52,7 +53,7 @@ def test_curves_of_any_mask_are_simple_and_fill_back_to_it(seed, dirty):
     assert not (filled & ~mask).any()
     opened = ndimage.binary_opening(mask, np.ones((1, 2, 2), bool))
     assert not (opened & ~filled).any()  # whatever is two pixels wide is kept
-    lost = left_out(mask, ORIGIN, curves)
+    lost = contour_ways.left_out(mask, ORIGIN, curves)
     assert lost["component_pixels"] + lost["spur_pixels"] == np.count_nonzero(mask & ~filled)
     area = 0.0
     for picture in mask.astype(np.uint8):
@@ -88,7 +89,7 @@ def test_pinches_spurs_and_islands():
     areas = curves.polygons.signed_areas
     # a loop reaches to the first pixel of what is attached to it: a triangle of area 1
     assert sorted(areas) == [-(7 * 8 - 4 / 2 - 1), 2 + 1, 16 + 1, 16 + 2, 9 * 10]
-    assert left_out(mask[None], ORIGIN, curves) == {
+    assert contour_ways.left_out(mask[None], ORIGIN, curves) == {
         "components": 2,
         "component_pixels": 5,
         "spur_pixels": 3,
@@ -98,7 +99,7 @@ def test_pinches_spurs_and_islands():
     }
     # what is a single pixel on one slice only is a part of what it lies on
     tower = np.stack([np.pad(np.ones((4, 4), bool), 3), np.eye(10, dtype=bool) & (np.arange(10) == 4)])
-    lost = left_out(tower, ORIGIN, trace(tower))
+    lost = contour_ways.left_out(tower, ORIGIN, trace(tower))
     assert (lost["components"], lost["parts"]) == (1, 0)
 
 
@@ -106,7 +107,7 @@ def test_structures_are_traced_in_source_indices_and_nothing_gives_nothing():
     mask = np.zeros((6, 7, 8), bool)
     mask[1:4, 2:6, 3:7] = True
     structure = Structure("c", "o", Frame(np.eye(4), 1, (30, 30, 30)), np.array([4, 5, 6]), mask=mask)
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     assert curves.slice.tolist() == [7, 8, 9, 10]
     assert curves.points.min(axis=0).tolist() == [5, 9]
     assert curves.points.max(axis=0).tolist() == [7, 12]
@@ -170,21 +171,21 @@ def model():
 
 
 def test_a_mask_is_traced_and_an_empty_one_refused():
-    assert trace_contours(structure_of(discs(9)))[1]["method"] == "traced mask"
+    assert contour_ways.trace_contours(structure_of(discs(9)))[1]["method"] == "traced mask"
     with pytest.raises(InputError, match="no slice has a closed boundary"):
         trace_contours(structure_of(np.zeros((2, 9, 9), bool)))
 
 
 def test_contours_are_taken_as_they_are():
-    drawn, _ = trace_contours(structure_of(discs(9, 12)))
-    curves, report = take_contours(structure_of(contours=drawn))
+    drawn = trace_contours(structure_of(discs(9, 12)))
+    curves, report = contour_ways.take_contours(structure_of(contours=drawn))
     assert curves is drawn
     assert report == {"method": "contours as given"}
 
 
 def test_the_network_orders_an_outline_as_it_is_traced(model):
     structure = structure_of(discs(12, 20, 16))
-    exact, _ = trace_contours(structure)
+    exact = trace_contours(structure)
     curves, report = order_contours(structure, extract_boundaries(structure, BoundarySettings()), model)
     np.testing.assert_array_equal(curves.offsets, exact.offsets)
     np.testing.assert_array_equal(curves.points, exact.points)
@@ -195,7 +196,7 @@ def test_the_network_orders_an_outline_as_it_is_traced(model):
 
 def test_a_structure_on_the_wrong_way_is_told_so_in_one_line(model):
     masked = structure_of(discs(9, 12))
-    drawn = structure_of(contours=trace_contours(masked)[0])
+    drawn = structure_of(contours=trace_contours(masked))
     boundaries = extract_boundaries(masked, BoundarySettings())
     for walk, problem in [
         (lambda: trace_contours(drawn), "there is no mask to trace"),

@@ -19,7 +19,7 @@ from cccd.files import ExportOptions, write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.plugins import formats
-from cccd.settings.surface import TetrahedraSettings
+from cccd.settings.surface import LoftSettings
 from cccd.store import write_control_meshes
 from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface, read_surface
@@ -206,9 +206,9 @@ def test_every_format_that_the_configuration_knows_is_written(surface, small, tm
     if name == "seg.dcm":
         pytest.skip("lies on a DICOM series: tests/unit/dicom/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
-    coarse = TetrahedraSettings(edge_mm=5, tolerance_mm=1)
+    coarse = LoftSettings(tetrahedra={"edge_mm": 5, "tolerance_mm": 1})
     filled = formats()[name].made_of == "tetrahedra"  # which takes long
-    write_surface(path, small if filled else surface, ExportOptions("organ", tetrahedra=coarse))
+    write_surface(path, small if filled else surface, ExportOptions("organ", settings=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -33,13 +33,12 @@ from cccd.inputs.grid import (
 from cccd.inputs.labels import image_without_mask
 from cccd.inputs.readers import without_suffix
 from cccd.inputs.row_files import (
-    EACH_ITS_OWN,
     LabelMap,
-    RowFiles,
     checksum,
     read_boundary_maps,
     read_image,
     read_mask,
+    read_now,
 )
 from cccd.plugins import find, table
 from cccd.request import FILES, Request, completed
@@ -83,27 +82,8 @@ class Scan:
     warnings: list[str] = field(default_factory=list)
 
 
-def load_structure(
-    row: Mapping[str, str],
-    sheet_dir: str | Path,
-    settings: ImportSettings,
-    seed: int = 0,
-    files: RowFiles = EACH_ITS_OWN,
-) -> Structure:
-    """Read the structure of a row of the cohort sheet (`cccd_workflow.cohort.read_cohort`).
-
-    Parameters
-    ----------
-    row, sheet_dir
-        See `cccd.request.Request.of_row`.
-    settings, seed, files
-        See `read_request`.
-    """
-    return read_request(Request.of_row(row, Path(sheet_dir)), settings, seed, files)
-
-
 def read_request(
-    request: Request, settings: ImportSettings, seed: int = 0, files: RowFiles = EACH_ITS_OWN
+    request: Request, settings: ImportSettings, seed: int = 0, files: Callable[..., Any] = read_now
 ) -> Structure:
     """Read one structure, cropped to its organ with a margin.
 
@@ -114,8 +94,8 @@ def read_request(
         How it is read.
     seed : int
         Determines everything random in a phantom, a scan and its damage.
-    files : RowFiles
-        Requests of the same files share what was read of them by ``RowFiles(shared=True)``.
+    files : callable
+        Requests of the same files share what was read of them by `reading_once`.
 
     Returns
     -------
@@ -147,7 +127,7 @@ def read_request(
 def structure_of_array(
     mask: AnyArray, affine: FloatArray, settings: ImportSettings, name: str = "mask", annotated: str = AUTO
 ) -> Structure:
-    """Make a structure of a mask in memory, as `load_structure` does of one in a file.
+    """Make a structure of a mask in memory, as `read_request` does of one in a file.
 
     Parameters
     ----------
@@ -186,7 +166,7 @@ def with_segmentation_notes(structure: Structure, report: Mapping[str, Any]) -> 
     return replace(structure, provenance=provenance, warnings=[*structure.warnings, *report["warnings"]])
 
 
-def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> Scan:
+def _read_files(request: Request, settings: ImportSettings, files: Callable[..., Any]) -> Scan:
     request = completed(request)
     paths = {name: existing(path, name) for name, path in request.files.items()}
     referenced = ""
@@ -196,13 +176,13 @@ def _read_files(request: Request, settings: ImportSettings, files: RowFiles) -> 
             referenced = find(table("READERS")["reference"].read)(paths["mask"])
     image = None
     if "image" in paths:
-        image = files.read(read_image, paths["image"], request.source, settings.fill_gaps, referenced)
+        image = files(read_image, paths["image"], request.source, settings.fill_gaps, referenced)
     if "mask" in paths and paths["mask"].is_file() and dicom_modality(paths["mask"]) == "RTSTRUCT":
         if "boundary" in paths:
             raise InputError(
                 request.location, "an RTSTRUCT cannot be combined with boundary maps", "empty one of them"
             )
-        regions = files.read(find(table("READERS")["RTSTRUCT"].read), paths["mask"])
+        regions = files(find(table("READERS")["RTSTRUCT"].read), paths["mask"])
         scan = regions.scan(request, image, settings)
     else:
         scan = _scan_of_voxels(paths, request, image, settings, files)
@@ -233,7 +213,7 @@ def _scan_of_voxels(
     request: Request,
     image: Volume | None,
     settings: ImportSettings,
-    files: RowFiles,
+    files: Callable[..., Any],
 ) -> Scan:
     """Read mask and boundary maps, or find the organ in the image, and move all to one grid."""
     mask = read_mask(paths["mask"], request, image, files) if "mask" in paths else None
@@ -507,13 +487,13 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _checksums(request: Request, files: RowFiles) -> dict[str, str]:
+def _checksums(request: Request, files: Callable[..., Any]) -> dict[str, str]:
     """Checksums of what a request names, and of the voxels in files beside headers, by their names."""
     found: dict[str, str] = {}
     for named in filter(None, (request.image, request.mask, request.boundary)):
         path = request.folder / named
-        found[str(named)] = files.read(checksum, path)
+        found[str(named)] = files(checksum, path)
         for voxels in voxel_files(path):
             name = named.parent / os.path.relpath(voxels, path.parent)
-            found[str(name)] = files.read(checksum, voxels)
+            found[str(name)] = files(checksum, voxels)
     return found

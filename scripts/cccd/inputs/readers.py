@@ -21,7 +21,7 @@ from nibabel.nifti1 import Nifti1Pair
 from nibabel.spatialimages import SpatialImage
 
 from cccd.errors import InputError
-from cccd.file_headers import VoxelHeader, read_voxel_header
+from cccd.file_headers import named_files, read_header
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, farthest_apart
 from cccd.plugins import find, table
@@ -72,6 +72,9 @@ MOST = {
 }
 #: Deflate packs at most this many bytes into one.
 _DEFLATE_RATIO = 1032
+#: Where the voxels of a MetaImage or NRRD are: in itself, in a file, in a list, or in files with numbers.
+_PLACE = re.compile(rb"^(?:ElementDataFile *=|data ?file:) *(.*?)\s*$", re.MULTILINE | re.IGNORECASE)
+_SOUND_PLACE = re.compile(rb"[^%]*|[^%\s]+%0?\d?d[^%\s]*( \d+ \d+( [1-9]\d*( \d)?)?)?")
 #: NRRD fields are never longer than so many bytes; Teem crashes on some that are.
 _NRRD_FIELD = 400
 
@@ -184,40 +187,40 @@ def _spatial(data: AnyArray, location: str) -> AnyArray:
     return data
 
 
-def _check_promise(count: int, ratio: int, path: Path) -> None:
-    """Refuse a header that promises more than its file can hold: its reader would fill the memory."""
-    if count > ratio * path.stat().st_size:
+def _check_promise(count: int, ratio: int, *files: Path) -> None:
+    """Refuse a header that promises more than its files can hold: its reader would fill the memory."""
+    if count > ratio * sum(file.stat().st_size for file in files):
         raise InputError(
-            path.name, "its header promises more voxels than the file contains", "copy the file again"
+            files[0].name, "its header promises more voxels than the file contains", "copy the file again"
         )
 
 
-def _check_fields(header: VoxelHeader, path: Path) -> None:
-    """Refuse what SimpleITK's C libraries are known to crash on, which would end the process."""
+def _itk_files(path: Path) -> list[Path]:
+    """Return the files of a NRRD or MetaImage, its header's first.
+
+    What SimpleITK's C libraries are known to crash on, which would end the process, is refused.
+    """
+    header = read_header(path)
     if path.name.lower().endswith((".mha", ".mhd")):
-        dimensions = re.findall(rb"^\s*NDims *=(.*)$", header.fields, re.MULTILINE)
+        place = _PLACE.search(header)
+        dimensions = re.findall(rb"^\s*NDims *=(.*)$", header[: place and place.end()], re.MULTILINE)
         sound = dimensions and all(re.fullmatch(rb" *[1-9]\s*", number) for number in dimensions)
     else:
-        fields = [line for line in header.fields.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
+        header = re.split(rb"\r?\n\r?\n", header)[0]
+        place = _PLACE.search(header)
+        fields = [line for line in header.split(b"\n") if not re.match(rb"#|[^:]*:=", line)]
         sound = max(map(len, fields)) <= _NRRD_FIELD
         if any(re.match(rb"encoding: *(te?xt|ascii)", field, re.IGNORECASE) for field in fields):
             raise InputError(path.name, "its voxels are written as text", "save it with encoding raw or gzip")
-    if not sound:
+    if not sound or (place and not _SOUND_PLACE.fullmatch(place[1])):
         raise InputError(path.name, "its header is damaged", "copy the file again")
-
-
-def _voxel_file(path: Path) -> Path | None:
-    """Return the file with the voxels of a NRRD or MetaImage, None where they are in several."""
-    header = read_voxel_header(path)
-    _check_fields(header, path)
-    if header.voxels is None:
-        return path
-    if header.in_several_files:
-        return None
-    name = header.voxels.decode(errors="replace").replace("\0", "")
-    if not (path.parent / name).is_file():
-        raise InputError(path.name, f"the file of its voxels, {name[:80]!r}, is not there", "copy both again")
-    return path.parent / name
+    if place is None or place[1].lower() == b"local":
+        return [path]
+    files = named_files(path)
+    if not files:
+        name = place[1].decode(errors="replace").replace("\0", "")[:80]
+        raise InputError(path.name, f"the file of its voxels, {name!r}, is not there", "copy both again")
+    return [path, *files]
 
 
 def read_nifti(path: Path) -> Volume:
@@ -280,11 +283,10 @@ def read_itk(path: Path) -> Volume:
     reader.SetFileName(str(path))
     with guarded(location, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
         known = location.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
-        voxels = _voxel_file(path) if known else path
+        files = _itk_files(path) if known else [path]
         reader.ReadImageInformation()
         check_size(reader.GetSize(), location)
-        if voxels is not None:
-            _check_promise(math.prod(map(int, reader.GetSize())), _DEFLATE_RATIO, voxels)
+        _check_promise(math.prod(map(int, reader.GetSize())), _DEFLATE_RATIO, *files)
         image = reader.Execute()
         if image.GetNumberOfComponentsPerPixel() > 1:
             problem = "its voxels are not single numbers (colour or 4-D)"

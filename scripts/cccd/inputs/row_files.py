@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -118,7 +118,7 @@ def read_boundary_maps(path: Path) -> Volume:
     return replace(volume, data=maps)
 
 
-def read_mask(path: Path, request: Request, image: Volume | None, files: RowFiles) -> Volume:
+def read_mask(path: Path, request: Request, image: Volume | None, files: Callable[..., Any]) -> Volume:
     """Read an organ's mask.
 
     Parameters
@@ -130,8 +130,8 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         Its ``label`` and ``organ`` say which labels are the organ.
     image : Volume, optional
         The image, to which a SEG has to refer.
-    files : RowFiles
-        How files are read.
+    files : callable
+        How files are read: `read_now`, or `reading_once()`.
 
     Returns
     -------
@@ -150,12 +150,12 @@ def read_mask(path: Path, request: Request, image: Volume | None, files: RowFile
         modality = dicom_modality(path)
         if modality != "SEG":
             raise InputError(path.name, f"DICOM {modality or 'object'}, not a mask", "give a SEG or RTSTRUCT")
-        mask = files.read(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
+        mask = files(find(table("READERS")["SEG"].read), path).mask(label, organ, image)
         return _with_coarser_grid(mask)
     if _is_nnunet(path):
-        classes = files.read(find(table("READERS")["nnU-Net"].read), path)
+        classes = files(find(table("READERS")["nnU-Net"].read), path)
         return _field_or_mask(classes.of_organ(label, organ))
-    return files.read(read_label_map, path).organ(label, organ, request.implied)
+    return files(read_label_map, path).organ(label, organ, request.implied)
 
 
 def list_labels(path: Path) -> dict[str, str]:
@@ -342,23 +342,14 @@ def checksum(path: Path) -> str:
     return hashlib.sha256("\n".join(lines).encode()).hexdigest()
 
 
-class RowFiles:
-    """Reads the files that are asked for: each time, or ``shared``, once as long as this is kept."""
-
-    def __init__(self, shared: bool = False) -> None:
-        self._found: dict[tuple[Any, ...], Any] | None = {} if shared else None
-
-    def read(self, reader: Callable[..., _Read], *given: object) -> _Read:
-        """Return what a reader returns of its arguments."""
-        if self._found is None:
-            return reader(*given)
-        if (reader, *given) not in self._found:
-            self._found[reader, *given] = reader(*given)
-        return self._found[reader, *given]
+def read_now(reader: Callable[..., _Read], *given: object) -> _Read:
+    """Return what a reader returns of its arguments."""
+    return reader(*given)
 
 
-#: Every row reads its own files.
-EACH_ITS_OWN = RowFiles()
+def reading_once() -> Callable[..., Any]:
+    """Make a `read_now` that keeps what it reads: requests of the same files share it."""
+    return cache(read_now)
 
 
 def _with_coarser_grid(mask: Volume) -> Volume:

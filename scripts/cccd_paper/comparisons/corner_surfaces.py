@@ -10,7 +10,7 @@ import pandas as pd
 from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines, fit_splines
 from cccd.geometry.arrays import concatenate_ragged
@@ -84,7 +84,7 @@ def compare_corner_surfaces(
     if orderers:
         orderers[0](boundaries)
     else:
-        trace_mask(structure)
+        trace_contours(structure)
     order_s = time.process_time() - begin
     reference = Reference.of(structure)
     rows = [_surface_of(curves, structure, k, lofting, order_s, reference) for k in (*ks, None)]

@@ -9,10 +9,11 @@ from typing import Any
 import pandas as pd
 
 from cccd.containers import Curves, Structure
+from cccd.contours import trace_contours
 from cccd.geometry.mesh import Mesh
-from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
+from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.comparisons.timing import timed
@@ -58,7 +59,7 @@ def compare_isosurfaces(
     def measure(mesh: Mesh) -> dict[str, Any]:
         return measure_mesh(mesh, structure, reference=truth.reference, samples=SAMPLES)
 
-    _, seconds = timed(reconstruct_mask, structure, lofting)
+    _, seconds = timed(lambda: loft_surface(structure.sections(trace_contours(structure)), lofting))
     rows = [_own_row(surface, measure, seconds)]
     bends = rows[0]["curvature_per_area_mm"]
     for name in settings.methods:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from cccd.containers import Sections, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.geometry.mesh import Mesh
 from cccd.settings.surface import LoftSettings
 from cccd.surface.smooth_mesh import cut_at_ends, smooth_mesh
@@ -25,7 +25,7 @@ def lofted_distances(structure: Structure) -> Mesh:
     Mesh
         In world mm (RAS), outwards.
     """
-    stack = interpolate_slices(structure.sections(trace_mask(structure)), LoftSettings())
+    stack = interpolate_slices(structure.sections(trace_contours(structure)), LoftSettings())
     return stack.distance.zero_surface().transformed(stack.to_world).outwards()
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Curves, Frame, Sections, Splines, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.geometry.polygons import RaggedPolygons
@@ -177,7 +177,7 @@ def _ordered_pixels(slab: Structure, finding: BoundarySettings, orderers: Sequen
     """CCCD: boundary pixels ordered, corners on their chain, splines with the corners as control points."""
 
     def order() -> Curves:
-        return orderers[0](extract_boundaries(slab, finding)) if orderers else trace_mask(slab)
+        return orderers[0](extract_boundaries(slab, finding)) if orderers else trace_contours(slab)
 
     order()  # compiled before anything is timed
     curves, curve_s = _clocked(order)

@@ -10,9 +10,10 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Frame, Structure
-from cccd.reconstruction import reconstruct_mask
+from cccd.contours import trace_contours
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
+from cccd.surface.loft import loft_surface
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES
 from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES, Truth, tuned_rows
@@ -76,7 +77,7 @@ def _reconstructions(
     thick: Structure, structure: Structure, truth: Truth, lofting: LoftSettings
 ) -> Iterator[dict[str, Any]]:
     """Reconstruct thick slices by our way and by the baselines, each measured at full resolution."""
-    surface, seconds = timed(reconstruct_mask, thick, lofting)
+    surface, seconds = timed(lambda: loft_surface(thick.sections(trace_contours(thick)), lofting))
     ours = measure_mesh(surface.mesh, structure, reference=truth.reference, samples=SAMPLES)
     sizes = {"seconds": seconds, "control_bytes": bodies_bytes(surface.bodies)}
     yield {"method": "CCCD", "chosen": None, "setting": None, **ours, **sizes}

@@ -12,7 +12,7 @@ from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume, on_grid
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
-from cccd.inputs.row_files import EACH_ITS_OWN, read_mask
+from cccd.inputs.row_files import read_mask, read_now
 from cccd.request import Request, completed
 from cccd.settings.imports import ImportSettings
 from cccd_datasets.whole_scans import read_scan, scan_phantom
@@ -55,7 +55,7 @@ def read_labelled_scan(
         drawn = read_volume(path)
         classes = _classes(drawn.data, labels, path.name)
     else:
-        drawn = read_mask(path, request, image, EACH_ITS_OWN)
+        drawn = read_mask(path, request, image, read_now)
         classes = (drawn.data >= 0.5).astype(np.uint8)
     moved = on_grid(Volume(classes, drawn.affine, drawn.location), image.affine, image.shape, fill=0)
     if moved is None:

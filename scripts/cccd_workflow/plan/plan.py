@@ -208,7 +208,7 @@ class Plan:
     def contour_function(self, wildcards: OfStructure) -> str:
         """Path of the function that makes a structure's contours."""
         way = self.cohort.contour_way(wildcards)
-        return table("CURVES")["Boundaries"] if way == "order_contours" else f"cccd.contours.{way}"
+        return table("CURVES")["pixels"] if way == "order_contours" else f"cccd_workflow.contour_ways.{way}"
 
     def model_files(self, wildcards: OfStructure) -> list[str]:
         """Return the network that orders a structure's boundary pixels, where one does."""

@@ -6,7 +6,7 @@ from equal_points import CHAIN, choose_for_shares, measure_at_shares
 from support.known_curves import bean
 from support.shapes import structure_of
 
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.geometry.raster import rasterise
 from cccd_paper.comparisons.samples import choose_slices
 
@@ -36,7 +36,7 @@ def test_the_best_within_each_share_is_chosen():
 def test_more_points_describe_an_outline_better():
     mask = np.stack([rasterise([bean(200)], (0, 0), (140, 140))] * 2, axis=2)
     structure = structure_of(mask)
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     samples = choose_slices(structure, curves, 2)
     chosen = pd.DataFrame(
         [

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from support.scans import row, settings
+from support.scans import load_structure, row, settings
 
 from cccd.containers import Frame, Structure
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.grid import Volume
 from cccd.settings.junctions import BoundarySettings
 from cccd_datasets.degraded import bias_field, coarser, damage_maps, rescan

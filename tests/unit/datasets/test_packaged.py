@@ -14,6 +14,7 @@ from support.scans import (
     dicom_affine,
     full,
     grey,
+    load_structure,
     organ,
     row,
     settings,
@@ -22,7 +23,6 @@ from support.scans import (
 )
 
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.settings.root import validate_config
 from cccd_workflow.cohort import read_cohort
 

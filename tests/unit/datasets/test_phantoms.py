@@ -4,11 +4,10 @@ import itertools
 import numpy as np
 import pytest
 from scipy import ndimage
-from support.scans import row, settings
+from support.scans import load_structure, row, settings
 
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
-from cccd.inputs import load_structure
 from cccd.store import read_ply
 from cccd_datasets import PHANTOM_ORGANS
 from cccd_datasets.implicit_solids import (

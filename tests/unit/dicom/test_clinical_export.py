@@ -11,7 +11,7 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files import ExportOptions, write_label_map
 from cccd.geometry.raster import voxelise
-from cccd.inputs import load_structure
+from cccd.inputs import Request, read_request
 from cccd.surface.surface import LoftedSurface
 from cccd_dicom.rtstruct import write_rtstruct
 
@@ -61,7 +61,7 @@ def test_label_map_is_read_back(tmp_path):
     write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
-    structure = load_structure(row(mask=name, label="1"), tmp_path, settings())
+    structure = read_request(Request.of_row(row(mask=name, label="1"), tmp_path), settings())
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
     write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
@@ -84,7 +84,9 @@ def test_rtstruct_on_its_series(tmp_path):
     known = {item.SOPInstanceUID for item in series}
     contours = written.ROIContourSequence[0].ContourSequence
     assert {c.ContourImageSequence[0].ReferencedSOPInstanceUID for c in contours} <= known
-    structure = load_structure(row(image="dicom", mask="rt.dcm", label="ball"), tmp_path, settings())
+    structure = read_request(
+        Request.of_row(row(image="dicom", mask="rt.dcm", label="ball"), tmp_path), settings()
+    )
     assert not structure.warnings
     filled = inside(structure.contours, shape)
     expected = whole_grid(mesh, Frame(affine, 2, shape))
@@ -96,7 +98,7 @@ def test_rtstruct_on_any_spacing_with_holes_is_the_same_every_time(tmp_path):
     for name in ("rt.dcm", "again.dcm"):
         write_rtstruct(tmp_path / name, shell_mesh(CENTRE), frame, name="shell", spacing_mm=1.25)
     assert (tmp_path / "rt.dcm").read_bytes() == (tmp_path / "again.dcm").read_bytes()
-    structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
+    structure = read_request(Request.of_row(row(mask="rt.dcm"), tmp_path), settings())
     curves = structure.contours
     assert structure.frame.slice_spacing == pytest.approx(1.25, abs=1e-3)
     assert curves.hole.sum() in (10, 11, 12)

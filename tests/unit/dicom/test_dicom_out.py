@@ -20,6 +20,7 @@ from support.scans import (
     empty_uids,
     full,
     grey,
+    load_structure,
     organ,
     referred,
     row,
@@ -33,7 +34,6 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.inputs import load_structure
 from cccd_dicom.encapsulated_stl import write_encapsulated_stl
 from cccd_dicom.rtstruct import write_rtstruct
 from cccd_dicom.seg import write_seg

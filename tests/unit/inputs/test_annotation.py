@@ -3,13 +3,13 @@
 import nibabel
 import numpy as np
 import pytest
-from support.scans import row, settings, write_nifti
+from support.scans import load_structure, row, settings, write_nifti
 
 import cccd
 from cccd.containers import Annotation, Sections
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.errors import InputError
-from cccd.inputs import load_structure, structure_of_array
+from cccd.inputs import structure_of_array
 from cccd.inputs.annotation import drawn_slices, find_annotation
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_drawn, read_structure, write_structure
@@ -147,7 +147,7 @@ def test_the_label_map_is_whole_and_keeps_what_was_drawn(tmp_path):
 
 
 def test_drawn_contours_far_apart_are_one_organ():
-    curves = trace_mask(structure_of_array(only(ellipsoid(), [12, 16, 20, 64]), np.eye(4), settings()))
+    curves = trace_contours(structure_of_array(only(ellipsoid(), [12, 16, 20, 64]), np.eye(4), settings()))
     known = Annotation(np.array([12, 16, 20, 64]))
     bodies = [
         loft_surface(Sections(curves, annotation=some), LoftSettings()).report["bodies"]

@@ -14,10 +14,10 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support import scans
+from support.scans import load_structure
 
 import cccd
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume

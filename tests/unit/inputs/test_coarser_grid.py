@@ -8,12 +8,11 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
-from support.scans import DATA, row, write_nifti
+from support.scans import DATA, load_structure, row, write_nifti
 from support.scans import settings as import_settings
 
 import cccd
 from cccd.cli import main
-from cccd.inputs import load_structure
 from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings

@@ -9,6 +9,7 @@ from support.scans import (
     full,
     grey,
     inside,
+    load_structure,
     organ,
     outlines,
     row,
@@ -20,8 +21,6 @@ from support.scans import (
     write_series,
     write_structure_set,
 )
-
-from cccd.inputs import load_structure
 
 
 def shoelace(points):

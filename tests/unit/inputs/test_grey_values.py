@@ -7,12 +7,11 @@ import numpy as np
 import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
-from support.scans import DATA, affine_of, row, settings, write_nifti
+from support.scans import DATA, affine_of, load_structure, row, settings, write_nifti
 
 import cccd
 from cccd.cli import main
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.labels import refuse_grey_values
 from cccd.inputs.row_files import list_labels
 

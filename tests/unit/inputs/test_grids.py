@@ -5,9 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from support.scans import affine_of, row, settings, write_itk, write_nifti
+from support.scans import affine_of, load_structure, row, settings, write_itk, write_nifti
 
-from cccd.inputs import load_structure
 from cccd.inputs.grid import (
     Volume,
     crop,

@@ -4,11 +4,11 @@ import numpy as np
 import pydicom
 import pytest
 from support import scans
+from support.scans import load_structure
 
 from cccd import store
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
-from cccd.inputs import load_structure
 from cccd.inputs.readers import MOST, read_volume
 from cccd_dicom.readers import Regions, Segments, read_series
 from cccd_dicom.rtstruct import write_rtstruct

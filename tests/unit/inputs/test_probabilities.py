@@ -12,13 +12,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
-from support.scans import affine_of, full, organ, row, settings, write_nifti
+from support.scans import affine_of, full, load_structure, organ, row, settings, write_nifti
 
 import cccd
 from cccd.containers import Frame, ProbabilityStack
 from cccd.contours import level_curves
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.row_files import list_labels
 from cccd.store import read_structure, write_structure
 from cccd_formats.nnunet import Classes

@@ -7,11 +7,10 @@ import pydicom
 import pytest
 import shapely
 import trimesh
-from support.scans import DATA, empty_uids, full, referred, row, settings
+from support.scans import DATA, empty_uids, full, load_structure, referred, row, settings
 
 from cccd.cli import main
 from cccd.containers import Sections
-from cccd.inputs import load_structure
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 

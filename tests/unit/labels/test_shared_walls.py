@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
 
+from cccd import reconstruct
 from cccd.containers import Frame, Structure
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd.reconstruction import reconstruct_mask
 from cccd.settings.surface import LoftSettings
 from cccd_labels.label_fields import LabelFields, level_blocks
 from cccd_labels.shared_walls import share_walls
@@ -186,8 +186,7 @@ def test_a_narrow_gap_between_organs_leaves_a_ball_where_it_is():
 
 
 def test_an_organ_without_a_neighbour_is_where_it_is_alone():
-    labels, settings = np.where(ball()[3] < RADIUS, 1, 0), LoftSettings()
-    alone = reconstruct_mask(organs_of(labels)[1], settings).mesh
+    alone = reconstruct(organs_of(np.where(ball()[3] < RADIUS, 1, 0))[1]).lofted.mesh
     # half of it, which shares a wall with the other half, has the same outside away from the wall
     halves = organs_and_walls(half_balls)[1].surface
     outer = Mesh(halves.vertices, halves.triangles[halves.regions[:, 1] == 0])

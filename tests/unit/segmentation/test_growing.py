@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-from support.scans import affine_of, full, row, settings, write_nifti
+from support.scans import affine_of, full, load_structure, row, settings, write_nifti
 
 from cccd.errors import InputError
 from cccd.geometry.raster import dice
-from cccd.inputs import load_structure
 from cccd_segmentation import growing
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed, parse_seeds

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from support.scans import affine_of, chest, full, grey, organ, row, settings, write_nifti
+from support.scans import affine_of, chest, full, grey, load_structure, organ, row, settings, write_nifti
 
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.settings.imports import RegionSettings
 from cccd_segmentation.regions import find_region
 from cccd_viewers.regions import draw_region

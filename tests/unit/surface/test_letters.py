@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from support.shapes import structure_of
 
-from cccd.reconstruction import reconstruct_mask
-from cccd.settings.surface import LoftSettings
+from cccd import reconstruct
 from cccd_datasets.implicit_solids import ImplicitFunction, sample_lattice
 from cccd_datasets.phantoms import ORGANS
 from cccd_workflow.surface_measures import measure_mesh
@@ -35,7 +34,7 @@ def test_a_letter_keeps_its_genus_and_volume(letter, genus, stacking):
     anatomy = ORGANS[letter](np.random.default_rng(4))
     mask = sliced(anatomy.organ, axis, spacing)
     structure = structure_of(mask, spacing)
-    surface = reconstruct_mask(structure, LoftSettings())
+    surface = reconstruct(structure).lofted
     figures = measure_mesh(surface.mesh, structure, samples=2000)
     assert figures["closed_manifold"]
     assert figures["self_intersections"] == 0

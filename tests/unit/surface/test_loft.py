@@ -8,7 +8,7 @@ from scipy.spatial.transform import Rotation
 from support.shapes import SETTINGS, assert_sound, ball, curves_of, fork, grid, structure_of
 
 from cccd.containers import Curves, Frame, Sections
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.errors import InputError
 from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
@@ -37,7 +37,7 @@ def test_small_rough_organs_keep_their_volume():
 @pytest.fixture(scope="module")
 def whole_ball():
     structure = structure_of(ball())
-    return structure, loft_surface(Sections(trace_mask(structure)), SETTINGS)
+    return structure, loft_surface(Sections(trace_contours(structure)), SETTINGS)
 
 
 def test_a_ball_keeps_its_volume_and_its_surface(whole_ball):
@@ -59,7 +59,7 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
     affine[:3, :3] = turn @ np.array([[1, 0, 0], [0, 0, -1], [0, 1, 0.0]]) * spacing
     affine[:3, 3] = (-40, 12, 700)
     mask = ball((60, 60, 20), (30, 30, 10), 20, spacing)
-    surface = loft_surface(Sections(trace_mask(structure_of(mask, affine=affine))), SETTINGS)
+    surface = loft_surface(Sections(trace_contours(structure_of(mask, affine=affine))), SETTINGS)
     assert_sound(surface)
     centre = affine[:3, :3] @ (30, 30, 10) + affine[:3, 3]
     radius = np.linalg.norm(surface.vertices - centre, axis=1)
@@ -68,7 +68,7 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
 
 def test_mirrored_affines_still_point_outwards():
     structure = structure_of(ball(), affine=np.diag([-1.0, 1.0, 1.0, 1.0]))
-    assert_sound(loft_surface(Sections(trace_mask(structure)), SETTINGS))
+    assert_sound(loft_surface(Sections(trace_contours(structure)), SETTINGS))
 
 
 @pytest.mark.parametrize("step", [1, 8, 20])  # pixels of 0.7 mm
@@ -146,7 +146,7 @@ def test_a_shelf_that_appears_at_once_leaves_no_ripples():
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 5) & (z >= 20)
     mask &= (z >= 3) & (z < 37)
     structure = structure_of(mask)
-    surface = loft_surface(Sections(trace_mask(structure)), SETTINGS)
+    surface = loft_surface(Sections(trace_contours(structure)), SETTINGS)
     assert_sound(surface)
     away = np.linalg.norm(surface.vertices[:, :2] - (28, 30), axis=1) - 20
     far_wall = (np.abs(surface.vertices[:, 2] - 20) < 12) & (surface.vertices[:, 0] < 24)

@@ -4,7 +4,7 @@ import torch
 from support.shapes import structure_of
 
 from cccd.containers import Sections
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.curves.fitting import fit_splines
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
@@ -45,7 +45,7 @@ def test_on_outlines_the_chain_is_nearly_the_traced_mask_and_its_tube_is_near_it
     structure, boundaries, orderer
 ):
     chain = run_algorithm_1(boundaries, orderer)
-    traced = trace_mask(structure)
+    traced = trace_contours(structure)
     assert chain.curves.slice.tolist() == traced.slice.tolist()
     assert np.abs(chain.curves.polygons.signed_areas) == pytest.approx(
         np.abs(traced.polygons.signed_areas), rel=0.005
@@ -67,7 +67,7 @@ def test_a_map_that_does_not_close_has_no_curve_and_one_slice_no_surface(boundar
 
 
 def test_both_methods_have_a_row_and_a_panel(structure, boundaries, orderer):
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     splines, surface = fit_splines(curves), loft_surface(Sections(curves), LoftSettings())
     rows = compare_algorithm_1(structure, boundaries, curves, splines, surface, orderer).set_index("method")
     assert rows.index.tolist() == [PAPER, OURS]

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd_junctions.boundary import extract_boundaries
@@ -26,7 +26,7 @@ def scanned(axis=2, origin=(0, 0, 0)):
     affine[:3, 3] = (7, -5, 3)
     shape = tuple(int(n) for n in size + np.array(origin) + 4)
     structure = Structure("a", "b", Frame(affine, axis, shape), np.array(origin), mask=mask)
-    return structure, extract_boundaries(structure, BoundarySettings()), trace_mask(structure)
+    return structure, extract_boundaries(structure, BoundarySettings()), trace_contours(structure)
 
 
 @pytest.mark.parametrize(("axis", "origin"), [(2, (0, 0, 0)), (0, (3, 5, 7))])
@@ -38,7 +38,7 @@ def test_a_slab_lies_where_it_lay(axis, origin):
     whole = curves.frame.to_world(curves.points, np.repeat(curves.slice, np.diff(curves.offsets)))
     part = cut.frame.to_world(cut.points, np.repeat(cut.slice, np.diff(cut.offsets)))
     assert set(map(tuple, part.round(6))) <= set(map(tuple, whole.round(6)))
-    again = trace_mask(slab)
+    again = trace_contours(slab)
     assert np.array_equal(again.points, cut.points)
     assert np.array_equal(again.slice, cut.slice)
 

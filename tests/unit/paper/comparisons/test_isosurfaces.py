@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Frame, Sections, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd_paper.comparisons.baselines.surfaces import FAMILIES, Program
@@ -59,7 +59,7 @@ def test_sinc_smooths(structure):
 @pytest.mark.skipif(not has_open3d(), reason="Open3D is not installed")
 @pytest.mark.parametrize("make", [ball_pivoting, poisson])
 def test_point_methods_come_near_the_ellipsoid(structure, make):
-    mesh = make(trace_mask(structure))
+    mesh = make(trace_contours(structure))
     centre = structure.frame.affine[:3, :3] @ (9, 20, 20) + structure.frame.affine[:3, 3]
     size = np.linalg.norm((mesh.vertices - centre) / (14, 15, 12), axis=1)
     assert np.median(np.abs(size - 1)) < 0.12
@@ -67,7 +67,7 @@ def test_point_methods_come_near_the_ellipsoid(structure, make):
 
 
 def test_one_row_per_method(structure):
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     surface = loft_surface(Sections(curves), LoftSettings())
     table = compare_isosurfaces(
         structure, curves, surface, IsosurfaceSettings(methods=[*METHODS, *OF_POINTS]), LoftSettings()

@@ -6,7 +6,7 @@ import numpy as np
 from support import shapes
 
 from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
@@ -64,7 +64,7 @@ def spurred(structure):
 def test_surfaces_are_scored_beside_the_classical_decoder_s():
     structure = spurred(ball())
     whole = extract_boundaries(structure, BoundarySettings())
-    contours = trace_mask(structure)
+    contours = trace_contours(structure)
     lofting = LoftSettings()
     surface = loft_surface(Sections(contours), lofting)
     asked = (structure, whole, contours, surface, lofting)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd_datasets.phantoms import make_phantom
@@ -18,7 +18,7 @@ def liver():
 
 @pytest.fixture(scope="module")
 def table(liver):
-    return time_stages(liver, trace_mask(liver), BoundarySettings(), LoftSettings(), most_slices=3)
+    return time_stages(liver, trace_contours(liver), BoundarySettings(), LoftSettings(), most_slices=3)
 
 
 def test_every_method_goes_as_far_as_its_curves_allow(table):

@@ -6,7 +6,7 @@ import pytest
 from support.known_curves import bean
 
 from cccd.containers import Curves, Frame, Structure
-from cccd.contours import trace_mask
+from cccd.contours import trace_contours
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.raster import rasterise
 from cccd_junctions.ordering import order_boundaries
@@ -82,7 +82,7 @@ def structure():
 
 @pytest.fixture(scope="module")
 def rows(structure):
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     return compare_all(structure, curves, ORDERERS)
 
 
@@ -92,7 +92,7 @@ def tables(rows):
 
 
 def test_slices_are_spread_and_long_enough(structure):
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     assert [sample.k for sample in choose_slices(structure, curves, 3, 30)] == [12, 14, 16]
     assert [sample.k for sample in choose_slices(structure, curves, 99, 30)] == list(range(11, 18))
     longest = np.diff(curves.offsets).max()
@@ -100,7 +100,7 @@ def test_slices_are_spread_and_long_enough(structure):
 
 
 def test_a_sample_shows_its_slice(structure):
-    sample = choose_slices(structure, trace_mask(structure), 1, 30)[0]
+    sample = choose_slices(structure, trace_contours(structure), 1, 30)[0]
     stack = structure.stack("mask")[sample.k - structure.stack_origin[0]]
     low = sample.origin - structure.stack_origin[1:]
     seen = np.argwhere(sample.region) + low
@@ -240,14 +240,14 @@ def test_the_first_rank_goes_to_the_best(tables):
 
 def test_a_mask_without_image_is_enough():
     structure = make_structure(with_image=False)
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     rows = compare_all(structure, curves)
     assert set(rows[0]["image"]) == {"mask", "outline", "chain code"}
     assert set(rows[1].loc[rows[1]["method"] == CCCD, "given"]) == {GIVEN_ORDER}
 
 
 def test_the_same_seed_gives_the_same_rows(structure, rows):
-    again = compare_reconstruction(structure, trace_mask(structure), SLICES, 7, ORDERERS)
+    again = compare_reconstruction(structure, trace_contours(structure), SLICES, 7, ORDERERS)
     again = as_read_back(again)
     pd.testing.assert_frame_equal(again.drop(columns="ms"), rows[1].drop(columns="ms"))
 
@@ -255,7 +255,7 @@ def test_the_same_seed_gives_the_same_rows(structure, rows):
 def test_search_ranks_the_eligible_first(structure, monkeypatch):
     monkeypatch.setitem(GRID, "harris", {"block": (2,), "aperture": (3,), "k": (0.04,), "threshold": (0.01,)})
     monkeypatch.setitem(GRID, "susan", {"radius": (0, 2)})
-    scores = search(choose_slices(structure, trace_mask(structure), 1, 30))
+    scores = search(choose_slices(structure, trace_contours(structure), 1, 30))
     for _, group in scores.groupby(["image", "detector"]):
         eligible = group["eligible"].to_numpy()
         assert (np.diff(eligible.astype(int)) <= 0).all()
@@ -263,7 +263,7 @@ def test_search_ranks_the_eligible_first(structure, monkeypatch):
 
 
 def test_figures_hold_every_panel(structure):
-    curves = trace_mask(structure)
+    curves = trace_contours(structure)
     links = reconstruction_figures(structure, curves, SLICES, 7)["figure16"]
     assert [panel.title for panel in links.panels] == [
         "Ground truth", "Connect2D", "Crawl", "NN-Crust", "2-opt tour", "CCCD, order given",
