@@ -10,12 +10,8 @@ stored at            holds
 ``pool_index``       of triangles (`TRIANGLE_POOLS`, T) their region, at two scales; of links
                      (`LINK_POOLS`, L) what they share with others: the same two regions, at two scales,
                      the same two branches, the same two good-continuation groups
-``pool_order``       of the same shape: triangles, and links, pool by pool
 `PIXEL_LINKS`        the two pixels of every link, each link once, in the order of ``link``
 `TRIANGLE_LINKS`     the two triangles that share a link, in the same order
-`PIXEL_MESSAGES`     both ways of every link between pixels, receiver by receiver; ``edge_row`` (2 L,):
-                     twice the link's number, one more for the way back
-`TRIANGLE_MESSAGES`  likewise between triangles
 `CORNERS`            pixels to the triangles that they are corners of; ``edge_attr`` (3 T, CORNER_WIDTH):
                      cosine and sine of the corner's angle at the centroid, of twice the angle, log of its
                      distance
@@ -43,8 +39,6 @@ from cccd_junctions.intensity import IntensitySlice
 #: Types of edges.
 PIXEL_LINKS = ("pixel", "link", "pixel")
 TRIANGLE_LINKS = ("triangle", "link", "triangle")
-PIXEL_MESSAGES = ("pixel", "message", "pixel")
-TRIANGLE_MESSAGES = ("triangle", "message", "triangle")
 CORNERS = ("pixel", "corner", "triangle")
 
 #: Rows of ``pool_index``.
@@ -58,20 +52,16 @@ _POOLED_SCALES = (0, 2)
 
 
 class SliceData(HeteroData):
-    """A `HeteroData` whose pools and rows of messages are shifted as well when slices are joined."""
+    """A `HeteroData` whose pools are shifted as well when slices are joined."""
 
     def __cat_dim__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """Along which dimension slices are joined."""
-        return 1 if key in ("pool_index", "pool_order") else super().__cat_dim__(key, value, *args, **kwargs)
+        return 1 if key == "pool_index" else super().__cat_dim__(key, value, *args, **kwargs)
 
     def __inc__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """By how much the next slice's numbers are raised."""
         if key == "pool_index":
             return value.amax(dim=1, keepdim=True) + 1
-        if key == "pool_order":
-            return value.shape[1]
-        if key == "edge_row":
-            return len(value)
         return super().__inc__(key, value, *args, **kwargs)
 
 
@@ -90,27 +80,9 @@ def make_data(graph: DelaunayGraph, intensity: IntensitySlice | None) -> HeteroD
     owners = np.arange(len(graph.triangles)).repeat(3)
     data[CORNERS].edge_index = _index(np.stack([graph.triangles.ravel(), owners]))
     data[CORNERS].edge_attr = _real(_corner_directions(graph))
-    pools = {"triangle": graph.regions[:, _POOLED_SCALES].T, "link": _link_pools(graph, features)}
-    for name, pool in pools.items():
-        data[name].pool_index = _index(pool)
-        data[name].pool_order = _index(np.stack([_order_of(kind) for kind in pool]))
-    for kind, pairs in ((PIXEL_MESSAGES, graph.links), (TRIANGLE_MESSAGES, graph.link_triangles)):
-        edges, rows = _messages(pairs)
-        data[kind].edge_index, data[kind].edge_row = _index(edges), _index(rows)
+    data["triangle"].pool_index = _index(graph.regions[:, _POOLED_SCALES].T)
+    data["link"].pool_index = _index(_link_pools(graph, features))
     return data
-
-
-def _order_of(numbers: AnyArray) -> IntArray:
-    """Order (N,) of small numbers (N,), equal ones as they stand."""
-    # numbers of two bytes are sorted by their digits, many times faster
-    return np.argsort(numbers.astype(np.uint16) if numbers.max() < 1 << 16 else numbers, kind="stable")
-
-
-def _messages(pairs: AnyArray) -> tuple[IntArray, IntArray]:
-    """Both ways (2, 2 L) of pairs (L, 2), receiver by receiver, and the row (2 L,) of each."""
-    rows = _order_of(pairs[:, ::-1].ravel())
-    senders, receivers = pairs.ravel()[rows], pairs[:, ::-1].ravel()[rows]
-    return np.stack([senders, receivers]).astype(np.int64), rows
 
 
 def _index(array: AnyArray) -> Tensor:
