@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, cast
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -48,34 +48,11 @@ def shared_means(x: Tensor, pools: Tensor, weight: Tensor, bias: Tensor) -> Tens
     return torch.stack(shared).sum(dim=0)
 
 
-class HeadGate(nn.Linear):
-    """Gates of edges: a value per head, given to each of the head's equal share of the channels.
-
-    Parameters
-    ----------
-    width_in : int
-    heads : int
-    width : int
-        Channels that are gated.
-    bias : bool
-    """
-
-    def __init__(self, width_in: int, heads: int, width: int, bias: bool = True):
-        cast(Any, super()).__init__(width_in, heads, bias)
-        self.share = width // heads
-
-    def forward(self, input: Tensor) -> Tensor:
-        """Gates (E, width) of edges (E, width_in)."""
-        # a few more products are faster than a product with rows of a head each
-        bias = cast(Tensor | None, self.bias)
-        bias = None if bias is None else bias.repeat_interleave(self.share)
-        return nn.functional.linear(input, self.weight.repeat_interleave(self.share, 0), bias)
-
-
 class EquationEleven(MessagePassing):
     """Equation (11): ``x'_i = Agg({Act(Dropout(BN(x_j W + b))), j in N(i)})`` with the sum as Agg.
 
-    A link's gate, when given, weighs what passes along it; without gates it is the equation as printed.
+    A link's gates, when given, weigh what passes along it, each of them an equal share of the channels (a
+    head); without gates it is the equation as printed.
     What a node sends does not depend on the receiver, so it is computed once per node.
 
     Parameters
@@ -100,7 +77,7 @@ class EquationEleven(MessagePassing):
         x : (N, width_in)
         edge_index : (2, E) int64
             Senders and receivers.
-        gate : (E, width_out), optional
+        gate : (E, heads), optional
         receivers : int, optional
             How many there are; without, they are the senders.
         """
@@ -120,8 +97,10 @@ class EquationEleven(MessagePassing):
         return torch.relu(self.dropout(self.norm(self.dense(x))))
 
     def message(self, x_j: Tensor, gate: Tensor | None) -> Tensor:
-        """Weigh what passes along each edge (E, width_out) by its gates."""
-        return x_j if gate is None else x_j * gate
+        """Weigh what passes along each edge (E, width_out) by its gates (E, heads)."""
+        if gate is None:
+            return x_j
+        return (x_j.unflatten(1, (gate.shape[1], -1)) * gate[:, :, None]).flatten(1)
 
 
 class MessageLayer(nn.Module):
@@ -138,7 +117,7 @@ class MessageLayer(nn.Module):
     def __init__(self, width: int, link_width: int, heads: int, dropout: float):
         super().__init__()
         self.convolution = EquationEleven(width, width, dropout)
-        self.gate = HeadGate(link_width, heads, width)
+        self.gate = nn.Linear(link_width, heads)
         self.norm = nn.BatchNorm1d(width)
         # messages to the triangle itself, to its regions, and to its links by sum and by difference
         self.parts = [width, width * TRIANGLE_POOLS, link_width, link_width]
@@ -146,14 +125,14 @@ class MessageLayer(nn.Module):
         self.link_norm = nn.BatchNorm1d(link_width)
         # messages to the links of the same region pair, per scale, branch pair and group pair
         self.link_messages = nn.Linear(link_width, link_width * LINK_POOLS)
-        self.attention = HeadGate(width, _VIEWS, _VIEWS * len(BLURS))
+        self.attention = nn.Linear(width, _VIEWS)
         self.contrast = nn.Linear(2 * _VIEWS * len(BLURS), width, bias=False)
 
     def _contrast(self, t: Tensor, data: HeteroData) -> Tensor:
         """Differences (T, 2 V B) of each triangle's intensity and its slice's attended means."""
         triangles = data["triangle"]
         intensity, extent = triangles.intensity.repeat(1, _VIEWS), triangles.extent[:, None]
-        attention = torch.sigmoid(self.attention(t))
+        attention = torch.sigmoid(self.attention(t)).repeat_interleave(len(BLURS), dim=1)
         parts = torch.cat([attention * (extent * intensity), attention * extent], dim=1)
         attended, total = scatter(parts, triangles.batch, dim_size=data.num_graphs).chunk(2, dim=1)
         mean = attended / (total + _LEAST_ATTENTION)

@@ -13,7 +13,7 @@ from torch_geometric.data import Batch, HeteroData
 from cccd_junctions.energy import Logits
 from cccd_junctions.features import LINKS, NODES, TRIANGLES
 from cccd_junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, make_data
-from cccd_junctions.layers import EquationEleven, HeadGate, MessageLayer, both_ways, sum_of_ends
+from cccd_junctions.layers import EquationEleven, MessageLayer, both_ways, sum_of_ends
 from cccd_junctions.observation import ObservedSlice
 
 # Hidden channels that encode a pixel's surroundings, for each channel of its state.
@@ -68,10 +68,10 @@ class JunctionNetwork(nn.Module):
         )
         self.pixel_layers = nn.ModuleList(EquationEleven(width, width, dropout) for _ in range(pixel_layers))
         # parts of a link's gates that are the same, and that change sign, for its two directions
-        self.even_gates = nn.ModuleList(HeadGate(LINKS.width, heads, width) for _ in range(pixel_layers))
-        self.odd_gates = nn.ModuleList(HeadGate(2, heads, width, bias=False) for _ in range(pixel_layers))
+        self.even_gates = nn.ModuleList(nn.Linear(LINKS.width, heads) for _ in range(pixel_layers))
+        self.odd_gates = nn.ModuleList(nn.Linear(2, heads, bias=False) for _ in range(pixel_layers))
         self.corner_layer = EquationEleven(width, width, dropout)
-        self.corner_gate = HeadGate(CORNER_WIDTH, heads, width)
+        self.corner_gate = nn.Linear(CORNER_WIDTH, heads)
         self.triangle_encoder = nn.Sequential(
             nn.BatchNorm1d(TRIANGLES.width), nn.Linear(TRIANGLES.width, width)
         )

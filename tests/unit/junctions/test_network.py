@@ -7,7 +7,7 @@ from torch_geometric.nn import MessagePassing
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.graph_data import TRIANGLE_LINKS, make_data
 from cccd_junctions.intensity import normalised_intensity
-from cccd_junctions.layers import EquationEleven, HeadGate, both_ways, shared_means
+from cccd_junctions.layers import EquationEleven, both_ways, shared_means
 from cccd_junctions.network import JunctionNetwork
 
 
@@ -59,12 +59,12 @@ def test_gates_of_one_change_nothing_and_zero_closes_a_link():
 
 
 def test_a_gate_is_the_same_for_all_channels_of_a_head():
-    torch.manual_seed(0)
-    gate = HeadGate(5, 2, 6)
-    x = torch.randn(7, 5)
+    convolution = layer()
+    x, gate = torch.randn(6, 5), torch.randn(3, 2)
+    edges = torch.tensor([[0, 1, 2], [3, 4, 5]])
     with torch.no_grad():
-        by_head = torch.nn.functional.linear(x, gate.weight, gate.bias)
-        assert torch.allclose(gate(x), by_head[:, [0, 0, 0, 1, 1, 1]], atol=1e-6)
+        expected = convolution.sent(x)[edges[0]] * gate[:, [0, 0, 1, 1]]
+        assert torch.allclose(convolution(x, edges, gate)[edges[1]], expected, atol=1e-6)
 
 
 def test_receivers_may_be_others_than_senders():
