@@ -29,7 +29,6 @@ import torch
 from torch import Tensor
 from torch_geometric.data import HeteroData
 
-from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, IntArray
 from cccd.tolerances import LEAST_PX
 from cccd_junctions.delaunay import DelaunayGraph
@@ -114,26 +113,5 @@ def _link_pools(graph: DelaunayGraph, features: GraphFeatures) -> IntArray:
 
 def _same_pair(pair: IntArray) -> IntArray:
     """Assign equal unordered pairs (L, 2) equal numbers (L,)."""
-    return _numbered(pair, int(pair.max()) + 1)
-
-
-@jit
-def _numbered(pair: IntArray, count: int) -> IntArray:
-    # numbers in the order of first sight, from a table with open addresses (Knuth 1973)
-    size = 4
-    while size < 2 * len(pair):
-        size *= 2
-    keys, values = np.full(size, -1), np.empty(size, np.int64)
-    numbers = np.empty(len(pair), np.int64)
-    found = 0
-    for n in range(len(pair)):
-        low, high = min(pair[n, 0], pair[n, 1]), max(pair[n, 0], pair[n, 1])
-        key = low * count + high
-        at = (key * 40503 + (key >> 7)) & (size - 1)
-        while keys[at] >= 0 and keys[at] != key:
-            at = (at + 1) & (size - 1)
-        if keys[at] < 0:
-            keys[at], values[at] = key, found
-            found += 1
-        numbers[n] = values[at]
-    return numbers
+    low, high = np.minimum(*pair.T), np.maximum(*pair.T)
+    return np.unique(low * (int(pair.max()) + 1) + high, return_inverse=True)[1]
