@@ -205,7 +205,7 @@ def connected_nodes(count: int, links: AnyArray) -> IntArray:
     >>> connected_nodes(5, np.array([[4, 2], [0, 1]])).tolist()
     [0, 0, 2, 3, 2]
     """
-    part = connected_parts(*links.T, count)
+    part = connected_parts(links[:, 0], links[:, 1], count)
     _, lowest = np.unique(part, return_index=True)
     return lowest[part]
 

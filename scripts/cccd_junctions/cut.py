@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from cccd.geometry.arrays import AnyArray, BoolArray, RealArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, RealArray
 
 # SciPy's flows are whole numbers of 32 bits: all capacities together come to half of the largest.
 _MOST_FLOW = 2**30
@@ -47,16 +47,15 @@ def minimum_cuts(unaries: RealArray, pairwise: RealArray, link_triangles: AnyArr
     scale = _MOST_FLOW / max(2 * count * (pairwise.sum() + size), 1)
     border = np.rint(scale * pairwise)
     sides = np.bincount(link_triangles.ravel(), np.repeat(border, 2), size) + 1
-    own = np.clip(np.rint(scale * unaries), -sides, sides).ravel()
-    copies = size * np.arange(count)[:, None]
-    first, second = ((copies + side).ravel() for side in link_triangles.T)
+    own: FloatArray = np.clip(np.rint(scale * unaries), -sides, sides).ravel()
+    copies = np.arange(0, own.size, size)
+    first, second = (np.add.outer(copies, link_triangles[:, side]).ravel() for side in range(2))
     gains, costs, source, sink = np.flatnonzero(own < 0), np.flatnonzero(own > 0), own.size, own.size + 1
     start = np.concatenate([np.full(len(gains), source), costs, first, second])
     end = np.concatenate([gains, np.full(len(costs), sink), second, first])
     capacity = np.concatenate([-own[gains], own[costs], *2 * count * (border,)]).astype(np.int32)
     network = csr_array((capacity, (start, end)), shape=(own.size + 2, own.size + 2))
-    left = network - maximum_flow(network, source, sink).flow
-    left.eliminate_zeros()
+    left = network - maximum_flow(network, source, sink).flow  # what is used up is no entry of it
     inside = np.zeros(own.size + 2, bool)
     inside[breadth_first_order(left, source, return_predecessors=False)] = True
     return inside[: own.size].reshape(unaries.shape)

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
-from scipy.sparse import coo_array
+from scipy.sparse import csr_array
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
@@ -190,11 +190,13 @@ def _regions_and_depths(
     """Regions and depths (T, G) for every scale of `REGION_GAPS_PX`."""
     regions: list[IntArray] = []
     depths: list[FloatArray] = []
+    sides = link_triangles.astype(np.int64)
     for gap in REGION_GAPS_PX:
-        region = connected_parts(*link_triangles[length > gap].T, len(outer))
-        walls = region[link_triangles[length <= gap]].T
-        shape = (int(region.max()) + 1,) * 2
-        beside = coo_array((np.ones(walls.shape[1]), walls), shape=shape).tocsr()
+        open_side, wall = sides[length > gap], sides[length <= gap]
+        region = connected_parts(open_side[:, 0], open_side[:, 1], len(outer))
+        count = int(region.max()) + 1
+        between = np.ones(len(wall)), (region[wall[:, 0]], region[wall[:, 1]])
+        beside = csr_array(between, shape=(count, count))
         outside = np.unique(region[outer])
         depth = dijkstra(beside, directed=False, indices=outside, unweighted=True, min_only=True)
         regions.append(region)

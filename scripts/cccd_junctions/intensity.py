@@ -92,7 +92,7 @@ def sample_channels(intensity: IntensitySlice, points: AnyArray) -> SingleArray:
     i, j = np.moveaxis(np.rint(points - intensity.origin).astype(np.int64), -1, 0)
     rows, columns, _ = intensity.channels.shape
     samples = intensity.channels[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
-    return samples / np.float32(255)
+    return np.divide(samples, 255, dtype=np.float32)
 
 
 def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:

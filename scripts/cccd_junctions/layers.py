@@ -41,7 +41,7 @@ def shared_means(x: Tensor, pools: Tensor, weight: Tensor, bias: Tensor) -> Tens
         Number of each row's pool, by kind.
     weight, bias : (K C, width), (K C,)
     """
-    shared = []
+    shared: list[Tensor] = []
     for pool, *part in zip(pools, weight.chunk(len(pools)), bias.chunk(len(pools)), strict=True):
         mean = scatter(x, pool, reduce="mean")  # there are fewer pools than rows to be multiplied
         shared.append(nn.functional.linear(mean, *part).index_select(0, pool))
@@ -100,7 +100,8 @@ class EquationEleven(MessagePassing):
         """Weigh what passes along each edge (E, width_out) by its gates (E, heads)."""
         if gate is None:
             return x_j
-        return (x_j.unflatten(1, (gate.shape[1], -1)) * gate[:, :, None]).flatten(1)
+        heads = x_j.view(len(x_j), gate.shape[1], -1)
+        return (heads * gate[:, :, None]).view(x_j.shape)
 
 
 class MessageLayer(nn.Module):
