@@ -43,13 +43,13 @@ def minimum_cuts(unaries: RealArray, pairwise: RealArray, link_triangles: AnyArr
     [[True, False], [True, True]]
     """
     unaries, pairwise = np.asarray(unaries, float), np.asarray(pairwise, float)
-    count, size = unaries.shape
+    count, size = len(unaries), unaries.shape[1]
     scale = _MOST_FLOW / max(2 * count * (pairwise.sum() + size), 1)
     border = np.rint(scale * pairwise)
     sides = np.bincount(link_triangles.ravel(), np.repeat(border, 2), size) + 1
     own: FloatArray = np.clip(np.rint(scale * unaries), -sides, sides).ravel()
-    copies = np.arange(0, own.size, size)
-    first, second = (np.add.outer(copies, link_triangles[:, side]).ravel() for side in range(2))
+    copy = size * np.repeat(np.arange(count), len(pairwise))
+    first, second = (copy + np.tile(link_triangles[:, side], count) for side in range(2))
     gains, costs, source, sink = np.flatnonzero(own < 0), np.flatnonzero(own > 0), own.size, own.size + 1
     start = np.concatenate([np.full(len(gains), source), costs, first, second])
     end = np.concatenate([gains, np.full(len(costs), sink), second, first])
