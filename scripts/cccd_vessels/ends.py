@@ -5,13 +5,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import manifold3d
 import numpy as np
 import shapely
-from scipy.spatial import Delaunay
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts
+from cccd.geometry.arrays import (
+    BoolArray,
+    FloatArray,
+    IntArray,
+    concatenate_ragged,
+    connected_parts,
+    successors,
+)
+from cccd.geometry.flat_caps import fill_rim
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd_vessels.centrelines import Centrelines
@@ -286,22 +292,11 @@ def _cap(vertices: FloatArray, rims: Sequence[IntArray], outward: FloatArray) ->
     basis = across(outward)
     origin = vertices[rims[0][0]]
     flat = [(vertices[rim] - origin) @ basis.T for rim in rims]
-    polygon = shapely.Polygon(flat[0], flat[1:])
     edge = float(np.mean(np.linalg.norm(np.diff(flat[0], axis=0), axis=1)))
-    inner = _lattice(polygon, edge)
-    points, ids = (
-        np.concatenate([*flat, inner]),
-        np.concatenate([*rims, len(vertices) + np.arange(len(inner))]),
-    )
-    triangles = Delaunay(points).simplices.astype(np.int64)
-    x, y = points[triangles].mean(axis=1).T
-    triangles = triangles[shapely.contains_xy(polygon, x, y)]
-    if not _keeps_rims(triangles, [len(rim) for rim in rims]):
-        inner, points, ids = inner[:0], np.concatenate(flat), np.concatenate(rims)
-        triangles = np.asarray(manifold3d.triangulate(flat), np.int64)
-    a, b, c = (points[triangles[:, corner]] for corner in range(3))
-    turned = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0] < 0
-    triangles[turned] = triangles[turned][:, ::-1]
+    points, offsets = concatenate_ragged(flat)
+    sides = np.column_stack([np.arange(len(points)), successors(offsets)])
+    inner, triangles = fill_rim(points, sides, _lattice(shapely.Polygon(flat[0], flat[1:]), edge))
+    ids = np.concatenate([*rims, len(vertices) + np.arange(len(inner))])
     return origin + inner @ basis, ids[triangles]
 
 
@@ -314,14 +309,3 @@ def _lattice(polygon: shapely.Polygon, edge: float) -> FloatArray:
     points = np.column_stack([x.ravel(), np.repeat(rows, len(columns))])
     inside = shapely.contains_xy(polygon.buffer(-_FROM_RIM * edge), points[:, 0], points[:, 1])
     return points[inside]
-
-
-def _keeps_rims(triangles: IntArray, sizes: Sequence[int]) -> bool:
-    """Whether the border of a triangulation is its rims, whose points come first, ring by ring."""
-    edges = np.sort(triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
-    unique, uses = np.unique(edges, axis=0, return_counts=True)
-    first = np.cumsum([0, *sizes[:-1]])
-    ahead = [start + np.roll(np.arange(n), -1) for start, n in zip(first, sizes, strict=True)]
-    following = np.concatenate(ahead)
-    rims = np.sort(np.column_stack([np.arange(len(following)), following]), axis=1)
-    return np.array_equal(unique[uses == 1], np.unique(rims, axis=0)) and bool(np.all(uses <= 2))

@@ -55,7 +55,9 @@ _SHORTEST = 0.25
 _SAME_AREA = 1e-6
 
 
-def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
+def fill_rim(
+    points: FloatArray, rim: IntArray, within: FloatArray | None = None
+) -> tuple[FloatArray, IntArray]:
     """Triangles left of a closed rim in the plane, beside it about as large as its sides are long.
 
     Parameters
@@ -63,6 +65,8 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
     points : (R, 2) float64
     rim : (R, 2) int64
         Its sides, each from one of the points to the next; holes run the other way round.
+    within : (P, 2) float64, optional
+        Points to be added, in place of those that make triangles grow away from the rim.
 
     Returns
     -------
@@ -72,8 +76,7 @@ def fill_rim(points: FloatArray, rim: IntArray) -> tuple[FloatArray, IntArray]:
         Of the points and the added ones, counter-clockwise.
     """
     corners = points[rim]
-    length = np.linalg.norm(corners[:, 1] - corners[:, 0], axis=1)
-    added = _lattices(np.concatenate([*corners.swapaxes(0, 1), corners.mean(axis=1)]), np.tile(length, 3))
+    added = _lattices(corners) if within is None else within
     triangles = _inside(np.concatenate([points, added]), rim)
     x, y = corners[..., 0], corners[..., 1]
     area = float((x[:, 0] * y[:, 1] - x[:, 1] * y[:, 0]).sum()) / 2
@@ -102,8 +105,10 @@ def _loops(rim: IntArray) -> list[IntArray]:
     return loops
 
 
-def _lattices(rim: FloatArray, length: FloatArray) -> FloatArray:
-    """Points (P, 2) around points (R, 2) of a rim with sides so long (R,), none of them near to it."""
+def _lattices(sides: FloatArray) -> FloatArray:
+    """Points (P, 2) around the sides (R, 2, 2) of a rim, none of them near to it."""
+    length = np.tile(np.linalg.norm(sides[:, 1] - sides[:, 0], axis=1), 3)
+    rim = np.concatenate([*sides.swapaxes(0, 1), sides.mean(axis=1)])
     tree = cKDTree(rim)
     median, extent = np.median(length), float(np.ptp(rim, axis=0).max())
     step = max(float(length.min()), _SHORTEST * float(median))
@@ -130,11 +135,9 @@ def _lattice(rim: FloatArray, edge: float) -> FloatArray:
 
 def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     """Delaunay triangles (T, 3), counter-clockwise, left of a rim's sides (R, 2); none if one is missing."""
-    triangles = np.asarray(Delaunay(points).simplices, np.int64)
-    clockwise = _areas(points, triangles) < 0
-    triangles[clockwise] = triangles[clockwise][:, ::-1]
+    triangles = np.asarray(Delaunay(points).simplices, np.int64)  # counter-clockwise, also without area
     count, owner = len(points), np.repeat(np.arange(len(triangles)), 3)
-    sides = _sides(triangles)
+    sides = triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     keys, back, wanted = _keys(sides, count), _keys(sides[:, ::-1], count), _keys(rim, count)
     if not np.isin(wanted, keys).all():
         return np.zeros((0, 3), np.int64)
@@ -143,11 +146,6 @@ def _inside(points: FloatArray, rim: IntArray) -> IntArray:
     linked = (keys[opposite] == back) & ~np.isin(keys, wanted) & ~np.isin(back, wanted)
     part = connected_parts(owner[linked], owner[opposite[linked]], len(triangles))
     return triangles[np.isin(part, part[owner[np.isin(keys, wanted)]])]
-
-
-def _sides(faces: IntArray) -> IntArray:
-    """Directed sides (3 F, 2) of triangles, one triangle's after another's."""
-    return faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
 def _keys(sides: IntArray, count: int) -> IntArray:
