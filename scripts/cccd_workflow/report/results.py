@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from cccd import store
 from cccd_networks.graphs import GraphSplit, read_graph_facts, read_graphs
@@ -18,8 +18,17 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 
-def _if_there(read: Callable[..., Found], *files: Path) -> Found | None:
-    return read(*files) if all(file.is_file() for file in files) else None
+def _if_there(read: Callable[[Path], Found], file: Path) -> Found | None:
+    return read(file) if file.is_file() else None
+
+
+def _read_from(name: str, read: Callable[[Path], Found]):
+    """Make a method that reads a file of a structure."""
+
+    def method(self: StructureFiles) -> Found | None:
+        return _if_there(read, self.folder / name)
+
+    return method
 
 
 class StructureFiles:
@@ -29,41 +38,15 @@ class StructureFiles:
         self.folder = folder
         self.picture = folder / "picture.png"
 
-    def metrics(self) -> dict[str, Any] | None:
-        """Read everything measured on it."""
-        return _if_there(store.read_json, self.folder / "metrics.json")
-
-    def structure(self):
-        """Read the image and the mask."""
-        return _if_there(store.read_structure, self.folder / "structure.h5")
-
-    def facts(self):
-        """Read the frame, the provenance and the warnings."""
-        return _if_there(stage_files.read_structure_facts, self.folder / "structure.h5")
-
-    def boundaries(self):
-        """Read the boundary's pixels."""
-        return _if_there(stage_files.read_boundaries, self.folder / "boundaries.h5")
-
-    def curves(self):
-        """Read the ordered curves."""
-        return _if_there(stage_files.read_curves, self.folder / "curves.h5")
-
-    def splines(self):
-        """Read the closed splines."""
-        return _if_there(stage_files.read_splines, self.folder / "curves.h5")
-
-    def corners(self):
-        """Read the corner points and their offsets."""
-        return _if_there(stage_files.read_corners, self.folder / "curves.h5")
-
-    def bodies(self):
-        """Read the surface's closed splines; one whose walls are shared has none."""
-        return _if_there(store.read_bodies, self.folder / "surface.h5")
-
-    def view(self):
-        """Read the small meshes and what colours them."""
-        return _if_there(read_view, self.folder / "view.h5")
+    metrics = _read_from("metrics.json", store.read_json)
+    structure = _read_from("structure.h5", store.read_structure)
+    facts = _read_from("structure.h5", stage_files.read_structure_facts)
+    boundaries = _read_from("boundaries.h5", stage_files.read_boundaries)
+    curves = _read_from("curves.h5", stage_files.read_curves)
+    splines = _read_from("curves.h5", stage_files.read_splines)
+    corners = _read_from("curves.h5", stage_files.read_corners)
+    bodies = _read_from("surface.h5", store.read_bodies)  # none where walls are shared
+    view = _read_from("view.h5", read_view)
 
     def rows(self, name: str) -> pd.DataFrame | None:
         """Read the rows of a comparison."""
@@ -72,7 +55,7 @@ class StructureFiles:
     def figure(self, comparison: str, key: str) -> SliceFigure | None:
         """Read what a comparison left for a figure."""
         file = self.folder / "comparisons" / f"{comparison}.h5"
-        return read_figure(file, key) if file.is_file() else None
+        return _if_there(lambda path: read_figure(path, key), file)
 
 
 class Results:
