@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
+from cccd.files import COLOUR
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.plugins import COLOUR
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SOLID_VOLUME
 from cccd_solids.bodies import nest_pieces, split_bodies

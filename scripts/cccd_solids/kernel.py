@@ -17,10 +17,10 @@ from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
 from cccd.extras import needing
+from cccd.files import COLOUR
 from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import DEGREE
-from cccd.plugins import COLOUR
 from cccd_solids.step_points import share_points
 
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
