@@ -48,10 +48,6 @@ class StructureFiles:
     bodies = _read_from("surface.h5", store.read_bodies)  # none where walls are shared
     view = _read_from("view.h5", read_view)
 
-    def rows(self, name: str) -> pd.DataFrame | None:
-        """Read the rows of a comparison."""
-        return store.read_table(self.folder / "comparisons" / f"{name}.csv")
-
     def figure(self, comparison: str, key: str) -> SliceFigure | None:
         """Read what a comparison left for a figure."""
         file = self.folder / "comparisons" / f"{comparison}.h5"
@@ -79,7 +75,6 @@ class Results:
         self.folder = folder
         self.structures = structures
         self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
-        self._rows: dict[str, pd.DataFrame | None] = {}
 
     @property
     def history(self) -> pd.DataFrame | None:
@@ -99,15 +94,11 @@ class Results:
 
     def rows(self, comparison: Comparison) -> pd.DataFrame | None:
         """Read the rows of a comparison of all structures; None also where its columns are not all there."""
-        if comparison.name not in self._rows:
-            import pandas as pd  # slow to load, and a structure's page has no tables
+        from cccd_workflow.report.summary import read_cohort  # slow, and a structure's page has no tables
 
-            parts = [self.files(*key).rows(comparison.name) for key in self.structures]
-            parts = [part for part in parts if part is not None]
-            frame = pd.concat(parts, ignore_index=True) if parts else None
-            whole = frame is not None and set(comparison.columns).issubset(frame.columns)
-            self._rows[comparison.name] = frame if whole else None
-        return self._rows[comparison.name]
+        folders = (self.folder.joinpath(*key, "comparisons") for key in self.structures)
+        frame = read_cohort(folder / f"{comparison.name}.csv" for folder in folders).rows(comparison.name)
+        return frame if len(frame) and set(comparison.columns).issubset(frame.columns) else None
 
     def graphs(self) -> tuple[dict[str, int], dict] | None:
         """Read how many graphs the network was trained on, and what they hold."""
