@@ -44,12 +44,6 @@ PACKAGES = (
     *("cccd_walls", "cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 
-#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
-COLOUR = (0.80, 0.47, 0.40)
-
-#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
-NOTE = "CCCD surface; unit mm; SPACE=RAS"
-
 
 @dataclass(frozen=True)
 class Command:

@@ -12,7 +12,7 @@ from cccd.containers import Frame
 from cccd.files import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.plugins import NOTE
+from cccd.store import NOTE
 from cccd_labels.label_maps import colour_of
 from cccd_labels.voxels import voxels_within
 

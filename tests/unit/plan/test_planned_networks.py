@@ -78,8 +78,8 @@ def test_the_models_that_are_compared():
 
 
 def test_only_another_package_s_network_brings_code():
-    assert plan_of(MAPS).junctions.code == []
-    (path,) = plan_of(MAPS, gnn={"network": "paper"}).junctions.code
+    assert plan_of(MAPS).junctions.code() == []
+    (path,) = plan_of(MAPS, gnn={"network": "paper"}).junctions.code()
     assert not path.startswith("cccd.")
 
 
