@@ -10,7 +10,7 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -36,11 +36,12 @@ def volume_suffix(name: str) -> str:
     >>> volume_suffix("Liver.SEG.nrrd"), volume_suffix("liver.stl")
     ('.seg.nrrd', '')
     """
-    for rows in (own_rows("READERS"), table("READERS")):
-        known = (suffix for suffix, reader in rows.items() if reader.holds == "volume")
-        if found := max(filter(name.lower().endswith, known), key=len, default=""):
-            return found
-    return ""
+    return _suffix_in(own_rows("READERS"), name) or _suffix_in(table("READERS"), name)
+
+
+def _suffix_in(rows: Mapping[str, Reader], name: str) -> str:
+    known = (suffix for suffix, reader in rows.items() if reader.holds == "volume")
+    return max(filter(name.lower().endswith, known), key=len, default="")
 
 
 def without_suffix(name: str) -> str | None:
