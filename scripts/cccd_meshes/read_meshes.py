@@ -24,7 +24,7 @@ from cccd.plugins import find, table
 from cccd.store import read_bodies, read_ply
 
 #: Suffixes of solids, which another package reads.
-CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
+CAD_SUFFIXES = tuple(kind for kind, reader in table("READERS").items() if reader.holds == "mesh")
 
 #: A glTF file whose organ would be longer than this was written in mm, against the standard.
 _MOST_METRES = 10.0

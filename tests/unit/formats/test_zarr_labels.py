@@ -13,7 +13,7 @@ from cccd.store import read_ply
 
 zarr = pytest.importorskip("zarr")
 
-from cccd.inputs.readers import is_zarr, read_volume  # noqa: E402
+from cccd.inputs.readers import read_volume, reader_of  # noqa: E402
 
 SCALE, SHIFT = (2.0, 0.8, 1.0), (5.0, -3.0, 40.0)
 
@@ -50,7 +50,7 @@ def write(path, data, version="0.5", axes=None, scale=SCALE, shift=SHIFT, **more
 @pytest.mark.parametrize("version", ["0.4", "0.5"])
 def test_a_surface_lies_where_the_axes_say(here, version):
     path = write(here / "map.ome.zarr", labels(), version)
-    assert is_zarr(path)
+    assert reader_of(path)
     assert main(["surface", "map.ome.zarr", "--label", "7", "-o", "rod.ply"]) == 0
     mesh = read_ply("rod.ply")
     assert mesh.volume == pytest.approx((labels() == 7).sum() * np.prod(SCALE), rel=0.015)
