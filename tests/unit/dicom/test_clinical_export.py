@@ -52,6 +52,8 @@ def test_cavity_and_mesh_beyond_the_grid():
     distance = np.linalg.norm(world - CENTRE, axis=-1)
     clear = (np.abs(distance - 15) > 0.05) & (np.abs(distance - 7) > 0.05)
     np.testing.assert_array_equal(mask[clear], ((distance < 15) & (distance > 7))[clear])
+    part = voxelise(shell_mesh(CENTRE), frame.affine, (20, 22, 10), (5, 8, 3))
+    np.testing.assert_array_equal(part, mask[5:25, 8:30, 3:13])
 
 
 def test_label_map_is_read_back(tmp_path):

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, binary_erosion, binary_opening, gaussian_filter, label
-from support.shapes import assert_sound, ball, curves_of, fork, grid
+from support.shapes import assert_sound, ball, curves_of, grid
 from support.solids import mesh_of, sphere
 from trimesh import creation
 
@@ -107,14 +107,6 @@ def test_a_low_block_that_the_scan_cuts_on_both_sides_keeps_its_walls(depth):
     assert_sound(surface)
     assert surface.mesh.genus == 1
     assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
-
-
-def test_branches_are_one_body():
-    surface = lofted(fork())
-    assert_sound(surface)
-    assert len(surface.bodies) == 1
-    assert surface.mesh.genus == 0
-    assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.001)
 
 
 def test_what_crosses_in_the_control_mesh_too_evens_out():
