@@ -5,9 +5,8 @@ from pathlib import Path
 import numpy as np
 import pydicom
 import pytest
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
-from support import fresh
+from pydicom.uid import RTStructureSetStorage
+from support import fresh, scans
 
 from cccd.errors import InputError
 from cccd.file_headers import dicom_modality, object_in
@@ -16,11 +15,7 @@ from cccd_workflow.plan.cohort import holds_contours
 
 
 def write(path: Path, modality: str, **uids: str) -> Path:
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID, meta.TransferSyntaxUID = RTStructureSetStorage, ExplicitVRLittleEndian
-    meta.MediaStorageSOPInstanceUID = generate_uid()
-    file = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
-    file.SOPClassUID, file.SOPInstanceUID = RTStructureSetStorage, meta.MediaStorageSOPInstanceUID
+    file = scans.dicom_file(RTStructureSetStorage, [path.name])
     file.Modality = modality
     file.update(uids)
     file.save_as(path, enforce_file_format=True)

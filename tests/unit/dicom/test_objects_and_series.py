@@ -96,6 +96,7 @@ def test_a_seg_alone_names_the_end_at_which_its_series_does(tmp_path, organ, end
     assert f"the scan's {name} slice" in notes[0][0]
     assert alone.frame.slice_axis == beside.frame.slice_axis == 2
     np.testing.assert_allclose(alone.frame.affine, beside.frame.affine, atol=1e-4)
+    np.testing.assert_array_equal(scans.full(alone), scans.full(beside))
 
 
 def test_a_seg_that_ends_before_its_series_is_not_cut_there(tmp_path, organ):
