@@ -213,12 +213,6 @@ def test_every_format_that_the_configuration_knows_is_written(surface, small, tm
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_a_folder_is_refused_in_one_line(surface, tmp_path):
-    (tmp_path / "organ.stl").mkdir()
-    with pytest.raises(InputError, match=r"organ\.stl: that is a folder"):
-        write_surface(tmp_path / "organ.stl", surface)
-
-
 def test_a_failed_write_leaves_no_file(surface, tmp_path, monkeypatch):
     monkeypatch.setitem(sys.modules, "OCP.Message", None)
     with pytest.raises(InputError, match="pip install"):

@@ -10,7 +10,6 @@ from scipy.spatial import cKDTree
 from support.scans import DATA, affine_of, row, settings, write_nifti
 
 import cccd
-from cccd.cli import main
 from cccd.errors import InputError
 from cccd.inputs import load_structure
 from cccd.inputs.labels import refuse_grey_values
@@ -175,13 +174,11 @@ def test_it_takes_less_than_a_second():
         "hippocampus_msd/images/hippocampus_091.nii.gz",
     ],
 )
-def test_real_images_are_refused(image, command, tmp_path, monkeypatch, capsys):
-    monkeypatch.chdir(tmp_path)
-    assert main([command, str(DATA / image)]) == 1
-    (line,) = capsys.readouterr().err.splitlines()
+def test_real_images_are_refused(image, command, here, refused):
+    line = refused(command, DATA / image)
     assert image.rsplit("/", 1)[1] in line
     assert "--image" in line
-    assert not list(tmp_path.iterdir())
+    assert not list(here.iterdir())
 
 
 @pytest.mark.skipif(not DATA.is_dir(), reason="the real scans are not at ../shared/data")

@@ -6,9 +6,8 @@ import yaml
 from hypothesis import HealthCheck, given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
-from cccd.errors import InputError, nearest
+from cccd.errors import InputError
 from cccd.settings.root import Settings, validate_config, whole_settings
 
 ROOT = Path(__file__).resolve().parents[3]
@@ -113,16 +112,6 @@ def test_values_come_back_from_yaml_and_from_text(curves, flag):
 def test_text_stays_text_where_text_is_wanted():
     settings = validate_config({"cohort": "7", "gnn": {"pretrained": "12", "start": "null"}})
     assert (settings.cohort, settings.gnn.pretrained, settings.gnn.start) == ("7", "12", None)
-
-
-def test_settings_cannot_be_changed():
-    with pytest.raises(ValidationError, match="frozen"):
-        whole_settings()().curves.k = 9
-
-
-def test_near_name_is_found_whatever_the_case():
-    assert nearest("Spleen", ["liver", "spleen"]) == "did you mean 'spleen'?"
-    assert nearest("qqq", ["liver", "spleen"]) == "choose one of liver, spleen"
 
 
 scalars = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5)
