@@ -9,7 +9,7 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 
 WITHOUT = "import sys; sys.modules[sys.argv[1]] = None; import pytest; sys.exit(pytest.main(sys.argv[2:]))"
-OPTIONS = ("-n", "0", "-p", "no:cacheprovider", "--doctest-modules", "--skipped", "skipped")
+OPTIONS = ("-n", "0", "-p", "no:cacheprovider", "--doctest-modules", "--skipped", "skipped", "--rootdir", ".")
 
 #: What an example imports, and whether it skips where pytetwild, which an extra brings, is not there.
 EXAMPLES = {"pytetwild.mesh": True, "no_such_module": False, "pydicom.no_such_module": False}
