@@ -67,7 +67,7 @@ def test_an_energy_is_unary_inside_and_pairwise_along_the_border():
 
 
 def test_no_labelling_has_less_energy_than_the_least():
-    for seed in range(3):
+    for seed in range(2):
         rng = np.random.default_rng(seed)
         graph = random_graph(rng, 5, 5)
         free = np.flatnonzero(~graph.outer)
