@@ -20,6 +20,7 @@ from pydicom.uid import (
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
+from cccd.inputs import load_structure
 from cccd.settings.imports import ImportSettings
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -58,6 +59,11 @@ def row(**columns):
         "location": "cohort.tsv row 2",
         **columns,
     }
+
+
+def load(folder, changes=None, **columns):
+    """The structure of a row of a sheet in a folder; ``changes`` are those of the import's settings."""
+    return load_structure(row(**columns), folder, settings(**(changes or {})))
 
 
 def affine_of(spacing=(1.5, 1.2, 4.0), turn=(0.0, 0.0, 0.0), mirror=False, origin=(-30.0, 12.0, 7.0)):

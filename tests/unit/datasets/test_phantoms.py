@@ -4,7 +4,7 @@ import itertools
 import numpy as np
 import pytest
 from scipy import ndimage
-from support.scans import row, settings
+from support.scans import load, row, settings
 
 from cccd.errors import InputError
 from cccd.geometry.raster import voxelise
@@ -218,7 +218,7 @@ def test_files_hold_the_scan_where_it_lies_and_are_the_same_every_time(tmp_path)
     write(tmp_path / "again", 4)
     for file in sorted((tmp_path / "first").iterdir()):
         assert file.read_bytes() == (tmp_path / "again" / file.name).read_bytes(), file.name
-    read = load_structure(row(image="image.nii.gz", mask="mask.nii.gz"), tmp_path / "first", settings())
+    read = load(tmp_path / "first", image="image.nii.gz", mask="mask.nii.gz")
     index = np.argwhere(scanned.mask) + scanned.origin
     there = np.argwhere(read.mask) + read.origin
     world = index @ scanned.frame.affine[:3, :3].T + scanned.frame.affine[:3, 3]

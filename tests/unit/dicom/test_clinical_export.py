@@ -4,13 +4,12 @@ import nibabel as nib
 import numpy as np
 import pytest
 from support.closed_shapes import box, moved, sphere, together
-from support.scans import affine_of, full, row, settings
+from support.scans import affine_of, full, load
 
 from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files import ExportOptions, write_label_map
 from cccd.geometry.raster import voxelise
-from cccd.inputs import load_structure
 from cccd.surface.surface import LoftedSurface
 from cccd_dicom.rtstruct import write_rtstruct
 
@@ -62,7 +61,7 @@ def test_label_map_is_read_back(tmp_path):
     write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
-    structure = load_structure(row(mask=name, label="1"), tmp_path, settings())
+    structure = load(tmp_path, mask=name, label="1")
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
     write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
@@ -74,7 +73,7 @@ def test_rtstruct_on_any_spacing_with_holes_is_the_same_every_time(tmp_path):
     for name in ("rt.dcm", "again.dcm"):
         write_rtstruct(tmp_path / name, shell_mesh(CENTRE), frame, name="shell", spacing_mm=1.25)
     assert (tmp_path / "rt.dcm").read_bytes() == (tmp_path / "again.dcm").read_bytes()
-    structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
+    structure = load(tmp_path, mask="rt.dcm")
     curves = structure.contours
     assert structure.frame.slice_spacing == pytest.approx(1.25, abs=1e-3)
     assert curves.hole.sum() in (10, 11, 12)

@@ -16,7 +16,6 @@ from support import scans
 
 import cccd
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.labels import choose_labels
 from cccd.inputs.load import existing
 from cccd.inputs.readers import read_volume
@@ -32,7 +31,7 @@ def circle(z, radius=10.0, centre=(0.0, 0.0)):
 
 def refused(folder, *parts, columns=None, **changes):
     with pytest.raises(InputError) as caught:
-        load_structure(scans.row(**(columns or {"mask": "mask.nii"})), folder, scans.settings(**changes))
+        scans.load(folder, changes=changes, **columns or {"mask": "mask.nii"})
     message = str(caught.value)
     assert message.startswith("cohort.tsv row 2: ")
     assert "; " in message
@@ -179,7 +178,7 @@ def test_a_label_of_probabilities_is_refused(tmp_path):
 
 def test_an_organ_in_metres_is_warned_of(tmp_path):
     scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of(spacing=(0.0015, 0.0012, 0.004)))
-    structure = load_structure(scans.row(mask="mask.nii"), tmp_path, scans.settings())
+    structure = scans.load(tmp_path, mask="mask.nii")
     assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
 
 
@@ -198,7 +197,7 @@ def test_different_grids(tmp_path, change):
     scans.write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), scans.affine_of(**change))
     both = {"mask": "mask.nii", "image": "image.nii"}
     refused(tmp_path, "image.nii: its grid", "mask.nii", "resample: true", columns=both)
-    load_structure(scans.row(**both), tmp_path, scans.settings(resample=True))
+    scans.load(tmp_path, changes={"resample": True}, **both)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -431,7 +430,7 @@ def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
 def loads_or_refuses(folder, columns):
     """Either a structure or one line; any other error fails the test."""
     try:
-        structure = load_structure(scans.row(**columns), folder, scans.settings())
+        structure = scans.load(folder, **columns)
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
         assert str(error).startswith("cohort.tsv row 2: ")  # noqa: PT017
@@ -496,7 +495,7 @@ def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
     contours += [np.column_stack([np.add(s, (40, 0)), np.full(len(s), 2.0)]) for s in shapes]
     scans.write_structure_set(folder / "any.dcm", {"organ": contours})
     try:
-        curves = load_structure(scans.row(mask="any.dcm"), folder, scans.settings()).contours
+        curves = scans.load(folder, mask="any.dcm").contours
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:

@@ -8,12 +8,10 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
-from support.scans import DATA, row, write_nifti
-from support.scans import settings as import_settings
+from support.scans import DATA, load, write_nifti
 
 import cccd
 from cccd.cli import main
-from cccd.inputs import load_structure
 from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
@@ -127,10 +125,7 @@ def test_all_labels_of_a_file_get_the_grid_that_the_file_was_copied_from(tmp_pat
     fine = ndimage.zoom(labels, 3, order=0)
     write_nifti(tmp_path / "labels.nii.gz", fine, np.eye(4))
     assert find_coarser_grid(fine == 2, np.ones(3)) is None
-    one, two = (
-        load_structure(row(mask="labels.nii.gz", label=label), tmp_path, import_settings())
-        for label in ("1", "2")
-    )
+    one, two = (load(tmp_path, mask="labels.nii.gz", label=label) for label in ("1", "2"))
     assert one.frame.shape == two.frame.shape == mask.shape
     np.testing.assert_array_equal(one.frame.affine, two.frame.affine)
 
@@ -142,7 +137,7 @@ def test_grey_values_are_averaged_over_the_voxels_that_were_copied(tmp_path):
     fine = np.kron(mask, np.ones((3, 3, 3))).astype(np.uint8)
     write_nifti(tmp_path / "mask.nii.gz", np.flip(fine, 1), np.eye(4))
     write_nifti(tmp_path / "image.nii.gz", grey, np.diag([1.0, -1.0, 1.0, 1.0]) @ shifted(fine.shape[1] - 1))
-    structure = load_structure(row(mask="mask.nii.gz", image="image.nii.gz"), tmp_path, import_settings())
+    structure = load(tmp_path, mask="mask.nii.gz", image="image.nii.gz")
     assert structure.frame.copied_to.shape == grey.shape
     centres = 3 * (np.moveaxis(np.indices(structure.image.shape), 0, -1) + structure.origin) + 1
     inside = structure.mask

@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
-from support.scans import DATA, affine_of, row, settings, write_nifti
+from support.scans import DATA, affine_of, load, write_nifti
 
 import cccd
 from cccd.errors import InputError
-from cccd.inputs import load_structure
 from cccd.inputs.labels import refuse_grey_values
 from cccd.inputs.row_files import list_labels
 
@@ -82,8 +81,8 @@ LABELS = {
 def test_grey_values_are_refused_with_what_to_do(tmp_path, image):
     write_nifti(tmp_path / "mask.nii", np.asarray(image, np.float32), affine_of())
     for read in (
-        lambda: load_structure(row(mask="mask.nii"), tmp_path, settings()),
-        lambda: load_structure(row(mask="mask.nii", label="40"), tmp_path, settings()),
+        lambda: load(tmp_path, mask="mask.nii"),
+        lambda: load(tmp_path, mask="mask.nii", label="40"),
         lambda: list_labels(tmp_path / "mask.nii"),
         lambda: cccd.reconstruct(image),
     ):

@@ -1,10 +1,9 @@
 import numpy as np
 import pytest
-from support.scans import affine_of, full, row, settings, write_nifti
+from support.scans import affine_of, full, load, write_nifti
 
 from cccd.errors import InputError
 from cccd.geometry.raster import dice
-from cccd.inputs import load_structure
 from cccd_segmentation import growing
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed, parse_seeds
@@ -105,7 +104,7 @@ def test_a_seed_that_cannot_be_meant_is_refused(tmp_path, seed, words):
     image[31:33, 29:31, 16:18] = 900
     write_nifti(tmp_path / "image.nii", image, affine_of(SPACING))
     with pytest.raises(InputError, match=r"^cohort.tsv row 2: image.nii: .*seed ") as caught:
-        load_structure(row(image="image.nii", seed=seed), tmp_path, settings())
+        load(tmp_path, image="image.nii", seed=seed)
     assert words in str(caught.value)
 
 
@@ -118,7 +117,7 @@ def test_a_seed_where_grey_values_vary_as_in_the_whole_scan_is_refused():
 
 def test_a_row_with_a_seed_is_a_region_with_its_image(tmp_path):
     write_nifti(tmp_path / "image.nii", scan((ORGAN, 105)), affine_of(SPACING))
-    structure = load_structure(row(image="image.nii", seed="32,30,11"), tmp_path, settings())
+    structure = load(tmp_path, image="image.nii", seed="32,30,11")
     assert structure.mask is None
     assert structure.provenance["region"]["seed"] == ["32,30,11"]
     assert any("no mask; the organ is grown from seed 32,30,11" in note for note in structure.warnings)
