@@ -1,3 +1,5 @@
+import json
+
 import numpy as np
 import pytest
 
@@ -26,6 +28,18 @@ def refused(capsys):
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith("Error: ")
         return line
+
+    return type_command
+
+
+@pytest.fixture
+def answer(capsys):
+    """Types a command with ``--json``, and returns what it prints."""
+
+    def type_command(*words):
+        capsys.readouterr()
+        assert main([*map(str, words), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
 
     return type_command
 

@@ -151,24 +151,22 @@ def save(path, mask, affine):
     return path
 
 
-def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, capsys, monkeypatch):
+def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, answer, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = save(tmp_path / "ball.nii.gz", *body((12, 12, 12), (1, 1, 3)))
-    assert main(["surface", str(path), "-o", "ball.stl", "--band", "--json"]) == 0
-    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    (made,) = answer("surface", path, "-o", "ball.stl", "--band")["surfaces"]
     assert made["volume_low_ml"] < made["volume_ml"] < made["volume_high_ml"]
     assert (made["band"], made["band_extrapolated"]) == (0.9, False)
     assert made["files"] == ["ball.stl", "ball_inner.stl", "ball_outer.stl"]
     assert all((tmp_path / name).is_file() for name in made["files"])
 
 
-def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys, refused):
+def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys, refused, answer):
     mask, affine = body((15, 15, 15), (1, 1, 1))
     kept = np.zeros_like(mask)
     kept[:, :, [4, 7, 10, 22, 25, 28]] = mask[:, :, [4, 7, 10, 22, 25, 28]]
     path = save(tmp_path / "drawn.nii.gz", kept, affine)
-    assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
-    slices = json.loads(capsys.readouterr().out)["slices"]
+    slices = answer("next", path, "--annotated", "nonempty")["slices"]
     assert slices[0] == {"slice": 16, "gap": 11}
     assert {one["slice"] for one in slices[1:]} == {5, 8, 23, 26}
     assert main(["next", str(path), "--annotated", "nonempty"]) == 0

@@ -77,10 +77,9 @@ def test_a_mask_becomes_a_surface(here, capsys):
     assert (here / "library.ply").read_bytes() == (here / "liver.ply").read_bytes()
 
 
-def test_every_label_a_file_in_every_format_that_was_asked_for(here, capsys):
-    asked = "surface labels.nii.gz --all-labels -o out/organ.stl -o out/organ.nii.gz --json"
-    assert main(asked.split()) == 0
-    made = json.loads(capsys.readouterr().out)["surfaces"]
+def test_every_label_a_file_in_every_format_that_was_asked_for(here, answer):
+    asked = "surface labels.nii.gz --all-labels -o out/organ.stl -o out/organ.nii.gz"
+    made = answer(*asked.split())["surfaces"]
     kinds = ("stl", "nii.gz")
     assert files(here / "out") == {f"organ_label_{label}.{kind}" for label in (5, 7) for kind in kinds}
     volumes = [surface["volume_ml"] for surface in made]
@@ -157,28 +156,26 @@ def test_dicom_contours_and_what_check_says_of_them(here, capsys):
     assert cccd.read("drawn", 1).organ == "Liver"
 
 
-def test_check_says_axes_labels_and_cut_ends(here, capsys):
+def test_check_says_axes_labels_and_cut_ends(here, answer):
     nibabel.save(nibabel.Nifti1Image(ball((12, 12, 0)).astype(np.uint8), AFFINE), "cut.nii.gz")
-    assert main(["check", "cut.nii.gz", "--json"]) == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = answer("check", "cut.nii.gz")
     assert said["grid"] == "24 x 24 x 13 voxels of 1 x 1 x 2.5 mm"
     assert "R, A, S" in said["axes"]
     assert any("first slice" in warning for warning in said["warnings"])
 
 
-def test_slices_without_organ_are_said(here, capsys):
+def test_slices_without_organ_are_said(here, answer):
     mask = ball((12, 12, 10)).astype(np.uint8)
     empty = np.flatnonzero(mask.any(axis=(0, 1)))[1:-1:2]
     mask[..., empty] = 0
     nibabel.save(nibabel.Nifti1Image(mask, AFFINE), "every_second.nii.gz")
-    assert main(["check", "every_second.nii.gz", "--json"]) == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = answer("check", "every_second.nii.gz")
     assert said["slices"].endswith(" 5 mm apart")
     line = f"{len(empty)} slices between the organ's first and last are empty: filled from the others"
     assert line in said["warnings"]
 
 
-def test_check_lists_and_draws_every_label(here, capsys):
+def test_check_lists_and_draws_every_label(here, capsys, answer):
     labels = np.asarray(nibabel.load("labels.nii.gz").dataobj).astype(np.int16)
     labels[20, 20, 10] = 1000
     for name, side in {"right": 1.0, "left": -1.0}.items():  # towards which the first axis runs
@@ -192,8 +189,7 @@ def test_check_lists_and_draws_every_label(here, capsys):
     assert [line.split(maxsplit=1)[1] for line in said.out.splitlines() if line[:7] == "labels:"] == lines
     assert "--all-labels" in said.out
     assert not said.err
-    assert main(["check", "left.nii.gz", "--json"]) == 0
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = answer("check", "left.nii.gz")
     found = [(label["label"], label["name"], label["volume_ml"]) for label in said["labels"]]
     volumes = [2.5e-3 * np.count_nonzero(labels == value) for value in (5, 7, 1000)]
     assert [label[:2] for label in found] == [("5", "liver"), ("7", "kidney"), ("1000", "")]
@@ -211,11 +207,9 @@ def test_check_lists_and_draws_every_label(here, capsys):
         assert (middle[2] - middle[1]) * kidney_is > 0
 
 
-def test_check_of_one_label_or_one_of_many_draws_its_outline(here, capsys):
-    assert main(["check", "liver.nii.gz", "--json"]) == 0
-    (one,) = json.loads(capsys.readouterr().out)
-    assert main(["check", "labels.nii.gz", "--label", "7", "-o", "7.png", "--json"]) == 0
-    (chosen,) = json.loads(capsys.readouterr().out)
+def test_check_of_one_label_or_one_of_many_draws_its_outline(here, answer):
+    (one,) = answer("check", "liver.nii.gz")
+    (chosen,) = answer("check", "labels.nii.gz", "--label", "7", "-o", "7.png")
     assert [label["label"] for label in one["labels"]] == ["1"]
     assert [label["label"] for label in chosen["labels"]] == ["5", "7"]
     assert chosen["slices"].startswith("7 with organ")
@@ -249,7 +243,7 @@ def test_check_of_a_sheet_goes_through_all_rows(here, capsys):
     assert "each row has a picture of its own" in capsys.readouterr().err
 
 
-def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
+def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, answer):
     pytest.importorskip("pydicom")
     rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}
     (here / "drawn").mkdir()
@@ -259,8 +253,7 @@ def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, capsys):
     for name, mask in rois.items():
         nibabel.save(nibabel.Nifti1Image(mask.astype(np.uint8), AFFINE), here / "masks" / f"{name}.nii.gz")
     for folder, first, left in (("drawn", "1", []), ("masks", "Liver", ["Point"])):
-        assert main(["check", folder, "--json"]) == 0
-        (said,) = json.loads(capsys.readouterr().out)
+        (said,) = answer("check", folder)
         assert {label["name"] for label in said["labels"]} == set(rois)
         assert said["labels"][0]["label"] == first
         assert said["labels"][0]["volume_ml"] == pytest.approx(BALL_ML, abs=1e-4)
@@ -395,15 +388,13 @@ def test_no_organ_is_found_in_an_image_without_a_mask(image_alone, refused, comm
 
 @pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
 @pytest.mark.parametrize("window", [[], ["0:"], ["-200:300"]], ids=str)
-def test_a_threshold_is_called_one(image_alone, capsys, name, window):
-    assert main(["surface", name, "--threshold", *window, "--json"]) == 0
-    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+def test_a_threshold_is_called_one(image_alone, answer, name, window):
+    (made,) = answer("surface", name, "--threshold", *window)["surfaces"]
     assert made["organ"] == "threshold"
     assert made["files"] == ["scan_threshold.ply"]
     assert made["volume_ml"] == pytest.approx(2.145, rel=0.05)
     assert any("no mask; the organ is found by a threshold" in warning for warning in made["warnings"])
-    assert main(["check", "--threshold", *window, name, "--json"]) == 0  # before the input as well
-    (said,) = json.loads(capsys.readouterr().out)
+    (said,) = answer("check", "--threshold", *window, name)  # before the input as well
     assert (said["organ"], said["picture"]) == ("threshold", "scan_threshold_check.png")
     assert "grey values" in said["input"]
 
@@ -432,11 +423,10 @@ def test_thresholds_and_seeds_that_cannot_be_meant(image_alone, refused, argumen
 
 
 @pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
-def test_a_seed_says_where_the_organ_is(image_alone, capsys, name):
+def test_a_seed_says_where_the_organ_is(image_alone, answer, name):
     pytest.importorskip("torch")
     middle = ",".join(str(int(index)) for index in np.argwhere(ball()).mean(axis=0))
-    assert main(["surface", name, "--seed", middle, "--json"]) == 0
-    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    (made,) = answer("surface", name, "--seed", middle)["surfaces"]
     assert (made["organ"], made["files"]) == ("seeded", ["scan_seeded.ply"])
     assert made["volume_ml"] == pytest.approx(2.145, rel=0.06)
     assert any(f"no mask; the organ is grown from seed {middle}" in warning for warning in made["warnings"])
@@ -604,9 +594,8 @@ def test_no_command_shows_the_help_at_once():
     assert "numpy" not in said.splitlines()[-1].split()
 
 
-def test_triangles_of_one_size_are_counted_and_measured(here, capsys, refused):
-    assert main(["surface", "liver.nii.gz", "--triangles", "1500", "-o", "liver.stl", "--json"]) == 0
-    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+def test_triangles_of_one_size_are_counted_and_measured(here, capsys, refused, answer):
+    (made,) = answer("surface", "liver.nii.gz", "--triangles", "1500", "-o", "liver.stl")["surfaces"]
     assert made["triangles"] == pytest.approx(1500, rel=0.02)
     assert 0 < made["chord_error_mm"] < 0.3
     print_surface(made)

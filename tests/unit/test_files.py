@@ -10,9 +10,9 @@ import nibabel
 import numpy as np
 import pytest
 import trimesh
-from support.shapes import SETTINGS, ball, curves_of, fork
+from support.shapes import ball, fork, lofted
 
-from cccd.containers import Frame, Sections
+from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
 from cccd.files import ExportOptions, write_surface
@@ -21,18 +21,17 @@ from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.plugins import formats
 from cccd.settings.surface import TetrahedraSettings
 from cccd.store import write_control_meshes
-from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface, read_surface
 
 
 @pytest.fixture(scope="module")
 def surface():
-    return loft_surface(Sections(curves_of(fork())), SETTINGS)
+    return lofted(fork())
 
 
 @pytest.fixture(scope="module")
 def small():
-    return loft_surface(Sections(curves_of(ball((20, 20, 20), (10, 10, 10), 6))), SETTINGS)
+    return lofted(ball((20, 20, 20), (10, 10, 10), 6))
 
 
 @pytest.mark.parametrize("suffix", ["ply", "stl", "obj"])

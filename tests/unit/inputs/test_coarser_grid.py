@@ -1,7 +1,5 @@
 """Masks whose voxels are copies of coarser ones: those are found, and the surface is made of them."""
 
-import json
-
 import nibabel as nib
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ from scipy import ndimage
 from support.scans import DATA, load, write_nifti
 
 import cccd
-from cccd.cli import main
 from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
@@ -159,12 +156,11 @@ def test_drawn_slices_are_no_copies():
     assert structure.frame.copied_to is None
 
 
-def test_files_lie_on_the_grid_of_the_file(tmp_path, capsys):
+def test_files_lie_on_the_grid_of_the_file(tmp_path, answer):
     _, _, fine, affine = copied_ball()
     nib.save(nib.Nifti1Image(fine.astype(np.uint8), affine), tmp_path / "ball.nii.gz")
     written = tmp_path / "out.nii.gz"
-    assert main(["surface", str(tmp_path / "ball.nii.gz"), "-o", str(written), "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = answer("surface", tmp_path / "ball.nii.gz", "-o", written)
     assert any("3 x 3 x 3 mm" in line for line in report["surfaces"][0]["warnings"])
     image = nib.load(written)
     assert image.shape == fine.shape

@@ -1,7 +1,5 @@
 """Meshes of others become organs: closed, smooth, in their place. What is mended is reported."""
 
-import json
-
 import nibabel
 import numpy as np
 import pytest
@@ -73,10 +71,9 @@ def test_a_mesh_on_a_series_becomes_seg_and_rtstruct(here):
         assert cccd.reconstruct(structure).volume == pytest.approx(egg().volume, rel=0.01)
 
 
-def test_a_mesh_becomes_a_step_solid_and_comes_back(here, capsys):
+def test_a_mesh_becomes_a_step_solid_and_comes_back(here, answer):
     pytest.importorskip("OCP")
-    assert main(["surface", "egg.stl", "-o", "egg.step", "--json"]) == 0
-    made = json.loads(capsys.readouterr().out)["surfaces"][0]
+    made = answer("surface", "egg.stl", "-o", "egg.step")["surfaces"][0]
     assert made["volume_ml"] == pytest.approx(egg().volume / 1000, rel=2e-3)
     again = cccd.smooth_mesh("egg.step")
     assert again.volume == pytest.approx(egg().volume, rel=4e-3)

@@ -5,7 +5,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
-from support.shapes import SETTINGS, assert_sound, ball, curves_of, grid, structure_of
+from support.shapes import SETTINGS, assert_sound, ball, curves_of, grid, lofted, structure_of
 
 from cccd.containers import Curves, Frame, Sections
 from cccd.contours import trace_mask
@@ -30,7 +30,7 @@ def rough_organ(seed):
 def test_small_rough_organs_keep_their_volume():
     """Smoothing takes teeth off and fills notches: on the mean neither may win."""
     masks = [rough_organ(seed) for seed in range(4)]
-    kept = [loft_surface(Sections(curves_of(mask)), SETTINGS).mesh.volume / mask.sum() for mask in masks]
+    kept = [lofted(mask).mesh.volume / mask.sum() for mask in masks]
     assert np.mean(kept) == pytest.approx(1, abs=0.0025)
 
 
@@ -71,7 +71,7 @@ def test_anisotropic_oblique_scans_come_out_in_world_mm():
 @pytest.mark.parametrize("step", [1, 8, 20])  # pixels of 0.7 mm
 def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are(step):
     disc = np.sum((grid(40, 40, 6)[:2] - 20) ** 2, axis=0) < 120
-    surface = loft_surface(Sections(curves_of(disc, (0.7, 0.7, step))), SETTINGS)
+    surface = lofted(disc, (0.7, 0.7, step))
     assert_sound(surface)
     assert surface.mesh.volume == pytest.approx(disc.sum() * 0.49 * step, rel=0.001)
     heights = surface.vertices[:, 2]
@@ -80,7 +80,7 @@ def test_what_the_scan_cuts_ends_half_a_slice_beyond_it_however_thick_slices_are
 
 def test_the_rim_where_the_scan_cuts_an_organ_is_sharp_and_smooth():
     disc = np.sum((grid(60, 60, 12)[:2] - 30) ** 2, axis=0) < 20.3**2
-    surface = loft_surface(Sections(curves_of(disc)), SETTINGS)
+    surface = lofted(disc)
     mesh, (body,) = surface.mesh, surface.bodies
     assert set(np.unique(body.sharpness)) == {10.0}
     assert np.isin(np.round(body.vertices[body.creases.ravel(), 2], 6), [-0.5, 11.5]).all()
@@ -120,7 +120,7 @@ def test_drawn_outlines_are_not_moved_outwards():
 
 def test_a_cavity_is_subtracted():
     mask = ball(radius=22) & ~ball(radius=11)
-    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
+    surface = lofted(mask)
     assert_sound(surface)
     assert [body.sign for body in surface.bodies] == [1, -1]
     assert surface.bodies[1].tessellate(2).volume == pytest.approx(-ball(radius=11).sum(), rel=0.02)
@@ -145,7 +145,7 @@ def test_what_only_the_cut_slice_shows_is_kept():
     x, y, z = grid(110, 60, 10)
     mask = np.hypot(x - 28, y - 30) <= 20
     mask |= (x >= 28) & (x < 100) & (np.abs(y - 30) <= 10) & (z == 0)
-    surface = loft_surface(Sections(curves_of(mask, (1.0, 1.0, 3.0))), SETTINGS)
+    surface = lofted(mask, (1.0, 1.0, 3.0))
     assert_sound(surface)
     inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert dice(mask[:, :, 0], inside[:, :, 0]) > 0.99
@@ -157,7 +157,7 @@ def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
     x, y, _ = grid(40, 40, 40)
     mask = np.hypot(x - 20, y - 20) <= 10
     mask[:, :, 18 : 18 + missing] = False
-    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
+    surface = lofted(mask)
     assert_sound(surface)
     assert surface.report["bodies"] == bodies
 
@@ -165,7 +165,7 @@ def test_missing_slices_are_bridged_up_to_a_limit(missing, bodies):
 def test_one_slice_is_a_lens():
     mask = ball()
     mask[:, :, :30] = mask[:, :, 31:] = False
-    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
+    surface = lofted(mask)
     assert_sound(surface)
     # control points are rounded by up to .8 % of its thickness
     assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.002)
@@ -182,14 +182,14 @@ def test_what_is_lost_is_told_by_its_volume(whole_ball):
     assert whole_ball[1].report["warnings"] == []
     mask = ball((60, 60, 40), (30, 30, 20), 14)
     mask[4:6, 4:6, 5] = mask[50:52, 50:52, 30] = True
-    report = loft_surface(Sections(curves_of(mask, (0.5, 0.5, 2))), SETTINGS).report
+    report = lofted(mask, (0.5, 0.5, 2)).report
     assert report["bodies"] == 1
     assert report["warnings"] == [
         "dropped 2 fragments smaller than 6 voxels (4 mm³ in total); "
         "lower surface.smallest_part_voxels to keep them"
     ]
     shell = np.abs(np.linalg.norm(np.stack(grid(24, 24, 24), -1) - 11.5, axis=-1) - 7) < 0.3  # full of holes
-    surface = loft_surface(Sections(curves_of(shell)), SETTINGS)
+    surface = lofted(shell)
     assert surface.mesh.volume < 0.5 * shell.sum()
     assert "of its slices' volume" in " ".join(surface.report["warnings"])
 
@@ -206,7 +206,7 @@ def test_caps_end_where_the_last_slices_point():
     """To a fifth of the distance between them."""
     spacing = (2.0, 2.0, 5.0)
     mask = ball((40, 40, 24), (20, 20, 12.1), 30, spacing)
-    surface = loft_surface(Sections(curves_of(mask, spacing)), SETTINGS)
+    surface = lofted(mask, spacing)
     assert surface.vertices[:, 2].min() == pytest.approx(5 * 12.1 - 30, abs=1.0)
     assert surface.vertices[:, 2].max() == pytest.approx(5 * 12.1 + 30, abs=1.0)
 
@@ -216,7 +216,7 @@ def test_an_open_vessel_runs_through_the_cut_end():
     mask = (np.hypot(x - 25, y - 25) <= 20) & (z < 16)
     mask &= ~((np.hypot(x - 25, y - 36) <= 4) & (z > 0))
     mask &= ~((np.abs(x - 25) <= 3) & (y > 34) & (z == 0))  # in the first slice it reaches the outside
-    surface = loft_surface(Sections(curves_of(mask)), SETTINGS)
+    surface = lofted(mask)
     assert surface.mesh.is_closed_manifold
     inside = voxelise(surface.mesh, surface.frame.affine, mask.shape)
     assert not inside[25, 36].any()

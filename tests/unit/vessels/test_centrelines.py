@@ -2,7 +2,6 @@
 
 import csv
 import functools
-import json
 
 import numpy as np
 import pytest
@@ -231,14 +230,13 @@ def test_morphio_reads_the_samples(forked, tmp_path):
     assert sums == pytest.approx(sorted(branch.length for branch in forked.branches), rel=1e-3)
 
 
-def test_the_command_writes_what_it_prints(here, capsys, refused):
+def test_the_command_writes_what_it_prints(here, capsys, refused, answer):
     mask, affine = voxels([straight((0, 0, 0), (10, 6, 60), 5.0)], FINE)
     write_nifti(here / "duct.nii.gz", mask.astype(np.uint8), affine)
     assert main(["centrelines", "duct.nii.gz"]) == 0
     printed = capsys.readouterr().out
     assert "duct_centrelines.csv" in printed
-    assert main(["centrelines", "duct.nii.gz", "-o", "duct.swc", "--json"]) == 0
-    (branch,) = json.loads(capsys.readouterr().out)["branches"]
+    (branch,) = answer("centrelines", "duct.nii.gz", "-o", "duct.swc")["branches"]
     assert branch["mean_radius_mm"] == pytest.approx(5, abs=0.05)
     asked = ("centrelines", "duct.nii.gz")
     assert "choose one of .csv, .vtp, .swc" in refused(*asked, "-o", "duct.xyz")
