@@ -1,7 +1,5 @@
 """Small scans written with the libraries that real ones are written with."""
 
-from pathlib import Path
-
 import highdicom
 import nibabel as nib
 import numpy as np
@@ -22,8 +20,8 @@ from skimage.measure import find_contours
 
 from cccd.inputs import load_structure
 from cccd.settings.imports import ImportSettings
+from support import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 #: What studies are referred to by, retired (PS3.6, annex A).
 STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"

@@ -2,10 +2,9 @@
 
 import ast
 import re
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-SCRIPTS = ROOT / "scripts"
+from support import ROOT, SCRIPTS
+
 PAGES = [*sorted((ROOT / "docs").rglob("*.md")), ROOT / "README.md", ROOT / "CONTRIBUTING.md"]
 
 #: Folders that a path in the docs may begin with; ``<name>`` in one stands for any name.

@@ -4,9 +4,8 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
+from support import ROOT
 
 WITHOUT = "import sys; sys.modules[sys.argv[1]] = None; import pytest; sys.exit(pytest.main(sys.argv[2:]))"
 OPTIONS = ("-n", "0", "-p", "no:cacheprovider", "--doctest-modules", "--skipped", "skipped", "--rootdir", ".")

@@ -3,17 +3,16 @@
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
 import SimpleITK
+from support import ROOT
 
 import cccd
 from cccd.inputs.in_memory import array_of
 
-ROOT = Path(__file__).parents[2]
 LINES = """
 import nibabel
 import numpy as np

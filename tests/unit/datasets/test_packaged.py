@@ -8,6 +8,7 @@ import pyvista
 import yaml
 from scipy import ndimage
 from support import scans
+from support.refusals import refusal
 
 from cccd.errors import InputError
 from cccd.inputs import load_structure
@@ -22,8 +23,7 @@ def test_mni152_brain():
     volume = structure.mask.sum() / 1000
     assert 1500 < volume < 2100
     assert structure.provenance["nilearn"]
-    with pytest.raises(InputError, match="no organ 'liver'"):
-        scans.load(".", source="mni152", organ="liver")
+    assert "no organ 'liver'" in refusal(scans.load, ".", source="mni152", organ="liver")
 
 
 def test_chest_ct():
@@ -40,14 +40,12 @@ def test_chest_ct():
         for one in (left, right)
     }
     assert centre["left_lung"] < 0 < centre["right_lung"]  # x grows to the right
-    with pytest.raises(InputError, match="no organ 'liver'"):
-        scans.load(".", source="chest_ct", organ="liver")
+    assert "no organ 'liver'" in refusal(scans.load, ".", source="chest_ct", organ="liver")
 
 
 def test_chest_ct_without_its_package(monkeypatch):
     monkeypatch.setattr("cccd_datasets.packaged.find_spec", lambda name: None)
-    with pytest.raises(InputError, match="pip install slicerio"):
-        scans.load(".", source="chest_ct", organ="lungs")
+    assert "pip install slicerio" in refusal(scans.load, ".", source="chest_ct", organ="lungs")
 
 
 def lits(folder):
@@ -125,10 +123,8 @@ def test_totalsegmentator_folder_of_masks(tmp_path):
     both = load("kidneys", "kidney_left,kidney_right")
     np.testing.assert_allclose(both.frame.affine, affine, atol=1e-4)
     np.testing.assert_array_equal(scans.full(both), mask)
-    with pytest.raises(InputError, match="did you mean 'kidney_left'"):
-        load("kidney_lef")
-    with pytest.raises(InputError, match="the mask is empty"):
-        load("empty")
+    assert "did you mean 'kidney_left'" in refusal(load, "kidney_lef")
+    assert "the mask is empty" in refusal(load, "empty")
 
 
 def test_totalsegmentator_label_map_with_names(tmp_path):
@@ -178,8 +174,7 @@ def test_whole_body_ct(monkeypatch, tmp_path):
     mask = whole_body(monkeypatch, tmp_path)
     structure = scans.load(".", source="whole_body_ct", organ="liver")
     np.testing.assert_array_equal(scans.full(structure), mask)
-    with pytest.raises(InputError, match="did you mean 'liver'"):
-        scans.load(".", source="whole_body_ct", organ="livr")
+    assert "did you mean 'liver'" in refusal(scans.load, ".", source="whole_body_ct", organ="livr")
     whole_body(monkeypatch, tmp_path, value=101)
     with pytest.raises(InputError, match="has changed since its first use"):
         scans.load(".", source="whole_body_ct", organ="liver")

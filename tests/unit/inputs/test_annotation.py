@@ -3,6 +3,7 @@
 import nibabel
 import numpy as np
 import pytest
+from support.refusals import refusal
 from support.scans import load, settings, write_nifti
 
 import cccd
@@ -253,5 +254,4 @@ def test_one_drawn_slice_is_too_few(tmp_path, planes):
 def test_probabilities_are_known_on_every_slice(tmp_path):
     share = 0.7 * only(ellipsoid(), [20, 40, 60]).astype(np.float32)
     write_nifti(tmp_path / "liver.nii.gz", share, np.eye(4))
-    with pytest.raises(InputError, match="combined with probabilities"):
-        load(tmp_path, mask="liver.nii.gz", annotated="nonempty")
+    assert "combined with probabilities" in refusal(load, tmp_path, mask="liver.nii.gz", annotated="nonempty")

@@ -13,6 +13,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support import scans
+from support.refusals import refusal
 
 import cccd
 from cccd.errors import InputError
@@ -30,9 +31,7 @@ def circle(z, radius=10.0, centre=(0.0, 0.0)):
 
 
 def refused(folder, *parts, columns=None, **changes):
-    with pytest.raises(InputError) as caught:
-        scans.load(folder, changes=changes, **columns or {"mask": "mask.nii"})
-    message = str(caught.value)
+    message = refusal(scans.load, folder, changes, **columns or {"mask": "mask.nii"})
     assert message.startswith("cohort.tsv row 2: ")
     assert "; " in message
     for part in parts:

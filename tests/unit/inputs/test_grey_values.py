@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 from scipy.spatial import cKDTree
+from support.refusals import refusal
 from support.scans import DATA, affine_of, load, write_nifti
 
 import cccd
@@ -149,15 +150,13 @@ def test_probabilities_pass(tmp_path, chance):
 @pytest.mark.parametrize("number", ["001", "011", "101"])
 def test_real_images_scaled_to_1_are_refused(number):
     image = nibabel.load(DATA / f"hippocampus_msd/images/hippocampus_{number}.nii.gz").get_fdata()
-    with pytest.raises(InputError, match="not probabilities"):
-        cccd.reconstruct(scaled(image))
+    assert "not probabilities" in refusal(cccd.reconstruct, scaled(image))
 
 
 def test_it_takes_less_than_a_second():
     image = np.asfortranarray(RANDOM.normal(300, 30, (512, 512, 1)).astype(np.int16).repeat(300, 2))
     began = time.process_time()
-    with pytest.raises(InputError, match="grey values"):
-        refuse_grey_values(image, "image")
+    assert "grey values" in refusal(refuse_grey_values, image, "image")
     assert time.process_time() - began < 1
 
 

@@ -4,9 +4,9 @@ import numpy as np
 import pydicom
 import pytest
 from support import scans
+from support.refusals import refusal
 
 from cccd import store
-from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.readers import MOST, read_volume
 from cccd_dicom.readers import Regions, Segments, read_series
@@ -52,9 +52,9 @@ def test_who_the_patient_is_stays_in_the_scan(tmp_path, mask):
 def test_nor_does_a_message_say_it(tmp_path):
     identified_series(tmp_path)
     scans.write_series(tmp_path / "scan" / "again", scans.grey(MASK), scans.dicom_affine(), uid=MARK)
-    with pytest.raises(InputError, match="2 DICOM series") as caught:
-        scans.load(tmp_path, image="scan")
-    assert MARK not in str(caught.value)
+    line = refusal(scans.load, tmp_path, image="scan")
+    assert "2 DICOM series" in line
+    assert MARK not in line
 
 
 @pytest.mark.parametrize("keep", [False, True])
@@ -126,6 +126,4 @@ def test_what_a_file_may_ask_for(monkeypatch, tmp_path, kind, limit, most):
         "seg": lambda: Segments.read(path).mask("", "organ", None),
         "rtstruct": lambda: Regions.read(path).contours("", "organ"),
     }.get(kind, lambda: read_volume(path))
-    with pytest.raises(InputError, match="are allowed; mend its header, or give a part") as caught:
-        read()
-    assert f"and {most - 1} are allowed" in str(caught.value)
+    assert f"and {most - 1} are allowed; mend its header, or give a part" in refusal(read)

@@ -1,15 +1,13 @@
 """What is generated from the models is current, and says of every key what it should."""
 
-from pathlib import Path
-
 import pytest
 import yaml
 from jsonschema import Draft202012Validator
 from settings_pages import documentation, editor_schema, generated_files, keys, yaml_defaults
+from support import ROOT
 
 from cccd.settings.root import whole_settings
 
-ROOT = Path(__file__).resolve().parents[3]
 KEYS = [key for key in keys() if not key.group]
 
 

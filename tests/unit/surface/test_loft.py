@@ -5,11 +5,11 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
+from support.refusals import refusal
 from support.shapes import SETTINGS, assert_sound, ball, curves_of, grid, lofted, structure_of
 
 from cccd.containers import Curves, Frame, Sections
 from cccd.contours import trace_mask
-from cccd.errors import InputError
 from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
 from cccd_workflow.surface_measures import measure_surface
@@ -198,8 +198,7 @@ def test_curves_between_the_pixels_are_an_input_error():
     points = np.array([[10.2, 10.1], [18.6, 10.2], [18.4, 10.25]])
     frame = Frame(np.eye(4), 2, (30, 30, 9))
     sliver = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
-    with pytest.raises(InputError, match="centre of a pixel"):
-        loft_surface(Sections(sliver), SETTINGS)
+    assert "centre of a pixel" in refusal(loft_surface, Sections(sliver), SETTINGS)
 
 
 def test_caps_end_where_the_last_slices_point():

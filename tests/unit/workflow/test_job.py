@@ -1,14 +1,12 @@
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import pytest
+from support import SCRIPTS
 
 from cccd.errors import InputError
 from cccd_workflow.job import BATCH, take_placeholders_away
-
-SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 def run_job(body, log, files="", **batch):

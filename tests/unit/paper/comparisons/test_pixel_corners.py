@@ -1,8 +1,7 @@
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from support import ROOT
 
 from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
@@ -20,7 +19,6 @@ from cccd_paper.comparisons.parameters import (
 )
 from cccd_paper.comparisons.pixel_corners import susan
 
-ROOT = Path(__file__).parents[4]
 CORNERS = {(15, 20), (15, 49), (44, 20), (44, 49)}
 
 

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from support.refusals import refusal
 from torch_geometric.data import Batch
 
-from cccd.errors import InputError
 from cccd_junctions.delaunay import build_graph
 from cccd_networks.graphs import read_graphs
 from cccd_networks.settings import NetworkSettings
@@ -96,10 +96,9 @@ def test_graphs_of_another_version_are_refused_in_one_line(graphs, tmp_path, ver
         del file.attrs["version"]
         if version is not None:
             file.attrs["version"] = version
-    with pytest.raises(InputError) as error:
-        read_maps(path, "training")
-    assert str(path) in str(error.value)
-    assert "delete it and run snakemake again" in str(error.value)
+    line = refusal(read_maps, path, "training")
+    assert str(path) in line
+    assert "delete it and run snakemake again" in line
 
 
 def test_graphs_of_the_papers_size_take_a_six_hundredth_of_dense_matrices(graphs):
