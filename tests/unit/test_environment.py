@@ -4,13 +4,11 @@ import ast
 import re
 import sys
 import tomllib
-from pathlib import Path
 
 import yaml
+from support import ROOT
 
 from cccd.extras import EXTRAS
-
-ROOT = Path(__file__).parents[2]
 
 #: Declared and imported by nobody here: decoders that pydicom finds by name.
 PLUGINS = {"pylibjpeg", "pylibjpeg-libjpeg", "pylibjpeg-openjpeg"}

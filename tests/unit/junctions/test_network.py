@@ -110,15 +110,6 @@ def test_pools_share_the_mean_of_what_their_rows_send_and_so_do_gradients():
         assert torch.allclose(one, other, atol=1e-5)
 
 
-def test_dropout_acts_in_training_only():
-    convolution = EquationEleven(5, 4, 0.5)
-    x = torch.randn(50, 5)
-    convolution.train()
-    assert not torch.equal(convolution.sent(x), convolution.sent(x))
-    convolution.eval()
-    assert torch.equal(convolution.sent(x), convolution.sent(x))
-
-
 def slices_of(extents, image_of=1):
     rng = np.random.default_rng(0)
     graphs = [build_graph(np.unique(rng.integers(low, high, (90, 2)), axis=0)) for low, high in extents]
