@@ -1,5 +1,7 @@
 """Small scans written with the libraries that real ones are written with."""
 
+from pathlib import Path
+
 import highdicom
 import nibabel as nib
 import numpy as np
@@ -18,7 +20,8 @@ from pydicom.uid import (
 from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
-from cccd.inputs import load_structure
+from cccd.containers import Structure
+from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
 from support import ROOT
 

@@ -19,7 +19,6 @@ from cccd.files import ExportOptions, write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.plugins import formats
-from cccd.settings.surface import LoftSettings
 from cccd.store import write_control_meshes
 from cccd.surface.surface import LoftedSurface, read_surface
 
@@ -205,9 +204,9 @@ def test_every_format_that_the_configuration_knows_is_written(surface, small, tm
     if name == "seg.dcm":
         pytest.skip("lies on a DICOM series: tests/unit/dicom/test_dicom_out.py")
     path = tmp_path / f"surface.{name}"
-    coarse = TetrahedraSettings(edge_mm=5, tolerance_mm=1)
+    coarse = LoftSettings(tetrahedra={"edge_mm": 5, "tolerance_mm": 1})
     of_mesh = formats()[name].made_of == "mesh"  # others take longer
-    write_surface(path, surface if of_mesh else small, ExportOptions("organ", tetrahedra=coarse))
+    write_surface(path, surface if of_mesh else small, ExportOptions("organ", settings=coarse))
     assert path.stat().st_size > 1000
     assert list(tmp_path.iterdir()) == [path]
 

@@ -97,7 +97,7 @@ def test_rider_lung_takes_the_ct_and_leaves_the_pet(tmp_path):
     scans.write_series(patient / "5.000000-PET", image, scans.dicom_affine(), uid="pet", modality="PT")
     config = yaml.safe_load((scans.ROOT / "config" / "rider_lung.yaml").read_text())
     columns = scans.row(source="rider_lung", organ="lungs", image="RIDER-1129164940")
-    structure = load_structure(columns, tmp_path, scans.settings(region=config["import"]["region"]))
+    structure = scans.load_structure(columns, tmp_path, scans.settings(region=config["import"]["region"]))
     np.testing.assert_array_equal(scans.full(structure), lungs)
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 from support.refusals import refusal
-from support.scans import load, row, settings
+from support.scans import load, load_structure, row, settings
 
 from cccd.geometry.raster import voxelise
 from cccd.store import read_ply

@@ -103,16 +103,6 @@ def test_passing_through_itself_and_being_open_are_found(stack):
     assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
 
 
-def test_shared_walls_are_checked_by_the_organ_s_voxels():
-    structure = structure_of_array(ball(), np.eye(4), ImportSettings())
-    mesh = solids.sphere(20.0, (30.0, 30.0, 30.0))
-    assert check_walls(mesh, structure) == []
-    needle, tip = pulled(mesh, 2.0)
-    (line,) = check_walls(needle, structure)
-    assert "from the organ's voxels" in line
-    assert np.abs(place_of(line) - tip).max() <= 0.05
-
-
 def test_thick_slices_leave_the_surface_room_between_them():
     thick = stack_of(ball((60, 60, 12), (30, 30, 6), 20.0, (1.0, 1.0, 5.0)), (1.0, 1.0, 5.0))
     true = solids.sphere(20.0, (30.0, 30.0, 30.0)).transformed(np.linalg.inv(thick.to_world))
