@@ -19,6 +19,7 @@ from cccd.files import ExportOptions, write_surface
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
 from cccd.plugins import formats
+from cccd.settings.surface import LoftSettings
 from cccd.store import write_control_meshes
 from cccd.surface.surface import LoftedSurface, read_surface
 
