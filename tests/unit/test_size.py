@@ -12,7 +12,7 @@ MOST_LINES = {
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3913,
     "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 1118,
+    "scripts/cccd_meshes": 1103,
     "scripts/cccd_networks": 471,
     "scripts/cccd_paper": 9215,
     "scripts/cccd_segmentation": 1669,
