@@ -69,9 +69,7 @@ class Reader:
     Attributes
     ----------
     read : str
-        Path of a function of the file's path.
-    names : str
-        Path of a function that lists what is in it, where that is several things: names by number.
+        Path of a function of the file's path; what it returns of several things has ``names`` by number.
     holds : {"", "volume", "mesh"}
         Of a row by suffix: what the function returns, a `cccd.inputs.grid.Volume` (a mask, a label map, an
         image), or vertices (V, 3) in mm RAS and triangles (F, 3).
@@ -80,7 +78,6 @@ class Reader:
     """
 
     read: str
-    names: str = ""
     holds: Literal["", "volume", "mesh"] = ""
     inside: tuple[str, ...] = ()
 

@@ -13,7 +13,6 @@ from pydicom.sequence import Sequence
 from pydicom.uid import UID
 
 from cccd.files import ExportOptions, binary_stl
-from cccd.geometry.mesh import Mesh
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
 from cccd_dicom.rtstruct import copy_identity, identified_dataset, item_of, reference_slices, references_to
@@ -23,47 +22,22 @@ _SOP_CLASS = UID("1.2.840.10008.5.1.4.1.1.104.3")
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
-    """Write the mesh in mm LPS, with references to its scan."""
-    keep, mesh = options.settings.keep_patient, surface.mesh
-    write_encapsulated_stl(path, mesh, name=options.organ, reference=options.series, keep_patient=keep)
+    """Write the mesh in mm LPS as encapsulated STL (PS3.3, A.85.1).
 
-
-def write_encapsulated_stl(
-    path: str | Path,
-    mesh: Mesh,
-    *,
-    name: str,
-    reference: str | Path | None = None,
-    keep_patient: bool = False,
-) -> None:
-    """Write a closed mesh as DICOM encapsulated STL (PS3.3, A.85.1).
-
-    Parameters
-    ----------
-    path : path
-        The file to write.
-    mesh : Mesh
-        Closed, oriented outwards; mm RAS.
-    name : str
-        Title of the model.
-    reference : path, optional
-        Folder of the DICOM series that the surface came from. Study, frame of reference and the slices are
-        then referred to by their UIDs.
-    keep_patient : bool
-        Copy who the patient is from the series.
+    With ``options.series`` study, frame of reference and slices are referred to by their UIDs.
 
     Raises
     ------
     InputError
-        No DICOM images in ``reference``.
+        No DICOM images in the series.
 
     Notes
     -----
     UIDs follow from the content, so that equal surfaces have equal bytes; dates are left empty.
     """
-    slices = [] if reference is None else reference_slices(Path(reference))
+    slices = [] if options.series is None else reference_slices(options.series)
     source = slices[0] if slices else Dataset()
-    stl = binary_stl(mesh.transformed(LPS_TO_RAS), f"{name}; unit mm; SPACE=LPS")
+    stl = binary_stl(surface.mesh.transformed(LPS_TO_RAS), f"{options.organ}; unit mm; SPACE=LPS")
     seed = hashlib.sha256(stl + str(source.get("SeriesInstanceUID", "")).encode()).hexdigest()
     dataset = identified_dataset(_SOP_CLASS, "M3D", source, seed)
     dataset.SeriesNumber = dataset.InstanceNumber = 1
@@ -71,7 +45,7 @@ def write_encapsulated_stl(
     dataset.DeviceSerialNumber = "0"
     dataset.ContentDate = dataset.ContentTime = dataset.AcquisitionDateTime = ""
     dataset.BurnedInAnnotation = "NO"
-    dataset.DocumentTitle = name
+    dataset.DocumentTitle = options.organ
     dataset.ConceptNameCodeSequence = Sequence([_code("85040-4", "LN", "Segmented anatomy model")])
     dataset.MIMETypeOfEncapsulatedDocument = "model/stl"
     dataset.EncapsulatedDocumentLength = len(stl)
@@ -80,7 +54,7 @@ def write_encapsulated_stl(
     dataset.ModelModification = dataset.ModelMirroring = "NO"
     if slices:
         _refer_to(slices, dataset)
-        if keep_patient:
+        if options.settings.keep_patient:
             copy_identity(source, dataset)
     dataset.save_as(path, enforce_file_format=True)
 

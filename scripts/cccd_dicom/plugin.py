@@ -5,8 +5,8 @@ from cccd.plugins import Format, Reader
 READERS = {
     "series": Reader("cccd_dicom.readers.read_series"),
     "reference": Reader("cccd_dicom.references.referenced_series"),
-    "SEG": Reader("cccd_dicom.readers.read_segments", "cccd_dicom.readers.segment_names"),
-    "RTSTRUCT": Reader("cccd_dicom.readers.read_regions", "cccd_dicom.readers.region_names"),
+    "SEG": Reader("cccd_dicom.readers.read_segments"),
+    "RTSTRUCT": Reader("cccd_dicom.readers.read_regions"),
 }
 
 OPTIONS = {"in_its_series": "cccd_dicom.references.lies_in_its_series"}

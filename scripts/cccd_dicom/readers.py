@@ -357,7 +357,8 @@ class Segments:
             header = pydicom.dcmread(path, stop_before_pixels=True)
             check_size(_promised([_Slice(path, header)]), location)
             seg = highdicom.seg.segread(path)
-            return cls(seg, _segment_names(seg), _referenced(seg), location)
+            names = {n: seg.get_segment_description(n).segment_label for n in seg.segment_numbers}
+            return cls(seg, names, _referenced(seg), location)
 
     def mask(self, label: str, organ: str, series: Volume | None) -> Volume:
         """Take segments as one mask.
@@ -496,40 +497,6 @@ def _group(seg: Any, frame: Any, name: str) -> Any:
     return (frame if name in frame else seg.SharedFunctionalGroupsSequence[0])[name][0]
 
 
-def segment_names(path: Path) -> dict[int, str]:
-    """Read the numbers and labels of a SEG's segments.
-
-    Raises
-    ------
-    InputError
-        Not a SEG.
-    """
-    import highdicom
-
-    with guarded(path.name, "not a readable DICOM SEG", "export the segmentation again"):
-        return _segment_names(highdicom.seg.segread(path))
-
-
-def _segment_names(seg: Any) -> dict[int, str]:
-    return {number: seg.get_segment_description(number).segment_label for number in seg.segment_numbers}
-
-
-def region_names(path: Path) -> dict[int, str]:
-    """Read the numbers and names of an RTSTRUCT's regions of interest (ROIs).
-
-    Raises
-    ------
-    InputError
-        Not an RTSTRUCT.
-    """
-    with guarded(path.name, "not a readable RTSTRUCT", "export the structure set again"):
-        return _region_names(pydicom.dcmread(path))
-
-
-def _region_names(dataset: pydicom.Dataset) -> dict[int, str]:
-    return {int(item.ROINumber): str(item.get("ROIName", "")) for item in dataset.StructureSetROISequence}
-
-
 def _referenced(seg: pydicom.Dataset) -> set[str]:
     """SOP instance UIDs of the images whose pixels the frames mark."""
     return {
@@ -573,7 +540,8 @@ class Regions:
         location = path.name
         with guarded(location, "not a readable RTSTRUCT", "export the structure set again"):
             dataset = pydicom.dcmread(path)
-            names = _region_names(dataset)
+            regions = dataset.StructureSetROISequence
+            names = {int(item.ROINumber): str(item.get("ROIName", "")) for item in regions}
             items = {int(item.ReferencedROINumber): item for item in dataset.get("ROIContourSequence", [])}
             frame = str(dataset.get("FrameOfReferenceUID") or "")
             for item in dataset.get("ReferencedFrameOfReferenceSequence", []):

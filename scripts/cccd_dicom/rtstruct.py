@@ -24,11 +24,9 @@ from pydicom.uid import (
     generate_uid,
 )
 
-from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.files import ExportOptions
 from cccd.geometry.arrays import FloatArray
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.sections import cross_sections
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.surface.surface import LoftedSurface
@@ -40,67 +38,25 @@ _warn_once = cache(logger.warning)  # a series is read for each file that refers
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
-    """Write the mesh's sections with planes."""
-    write_rtstruct(
-        path,
-        surface.mesh,
-        surface.frame.of_file,
-        name=options.organ,
-        spacing_mm=options.settings.contour_spacing_mm,
-        reference=options.series,
-        keep_patient=options.settings.keep_patient,
-    )
+    """Write the mesh as one ROI of an RTSTRUCT: closed loops, whose nesting says what is a hole.
 
-
-def _rounded(loop: FloatArray) -> FloatArray:
-    """Round to the digits that are written, and drop points equal to their predecessor."""
-    rounded = np.round(loop, 3)
-    return rounded[np.abs(np.diff(rounded, axis=0, prepend=rounded[-1:])).max(axis=1) > 0]
-
-
-def write_rtstruct(
-    path: str | Path,
-    mesh: Mesh,
-    frame: Frame,
-    *,
-    name: str,
-    spacing_mm: float | None = None,
-    reference: str | Path | None = None,
-    keep_patient: bool = False,
-) -> None:
-    """Write a closed mesh as one ROI of a DICOM RTSTRUCT: closed loops, whose nesting says what is a hole.
-
-    Parameters
-    ----------
-    path : path
-        The file to write.
-    mesh : Mesh
-        Closed, with consistent orientation; mm RAS.
-    frame : Frame
-        The source volume's grid; planes are parallel to its slices.
-    name : str
-        The ROI's name.
-    spacing_mm : float, optional
-        Distance of the planes, counted from the first slice; the slice spacing by default.
-    reference : path, optional
-        Folder of the DICOM series that the surface came from. Study, frame of reference and the slices
-        themselves are then referred to by their UIDs; otherwise the object refers to no other.
-    keep_patient : bool
-        Copy who the patient is, and the dates, numbers and names of the study, from the series. Otherwise
-        these are empty.
+    Planes are parallel to the slices of the file's grid, and counted from the first of them. With
+    ``options.series`` study, frame of reference and the slices themselves are referred to by their UIDs;
+    otherwise the object refers to no other.
 
     Raises
     ------
     InputError
-        No DICOM images in ``reference``, or the planes miss the mesh.
+        No DICOM images in the series, or the planes miss the mesh.
     """
+    mesh, frame, spacing_mm = surface.mesh, surface.frame.of_file, options.settings.contour_spacing_mm
     normal = frame.normal
-    spacing = frame.slice_spacing if spacing_mm is None else float(spacing_mm)
+    spacing = frame.slice_spacing if spacing_mm is None else spacing_mm
     base = frame.affine[:3, 3] @ normal
     level = mesh.vertices @ normal
     first, last = np.floor((level.min() - base) / spacing), np.ceil((level.max() - base) / spacing)
     heights = base + spacing * np.arange(first, last + 1)
-    slices = [] if reference is None else reference_slices(Path(reference))
+    slices = [] if options.series is None else reference_slices(options.series)
     if spacing_mm is None:
         heights = _own_heights(_levels(slices, normal), spacing, heights)
     sections = cross_sections(mesh, normal, heights)
@@ -112,10 +68,16 @@ def write_rtstruct(
     loops = [(height, loop) for height, loop in loops if len(loop) >= 3]
     if not loops:
         raise InputError(str(path), "no plane meets the surface", "choose a smaller spacing_mm")
-    dataset = _structure_set(loops, name, slices, normal, spacing)
-    if keep_patient and slices:
+    dataset = _structure_set(loops, options.organ, slices, normal, spacing)
+    if options.settings.keep_patient and slices:
         copy_identity(slices[0], dataset)
     dataset.save_as(path, enforce_file_format=True)
+
+
+def _rounded(loop: FloatArray) -> FloatArray:
+    """Round to the digits that are written, and drop points equal to their predecessor."""
+    rounded = np.round(loop, 3)
+    return rounded[np.abs(np.diff(rounded, axis=0, prepend=rounded[-1:])).max(axis=1) > 0]
 
 
 #: What the images of a series have in common, and a reference to them names.

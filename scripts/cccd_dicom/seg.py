@@ -19,7 +19,6 @@ from pydicom.uid import generate_uid
 from cccd.errors import InputError
 from cccd.files import ExportOptions
 from cccd.geometry.arrays import ByteArray, FloatArray
-from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import LPS_TO_RAS
 from cccd.inputs.readers import guarded
@@ -41,48 +40,29 @@ def check_series(path: Path, series: Path | None) -> None:
 
 
 def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
-    """Write the voxels whose centres lie inside."""
-    keep, mesh = options.settings.keep_patient, surface.mesh
-    write_seg(path, mesh, name=options.organ, reference=options.series, keep_patient=keep)
+    """Write the voxels whose centres lie inside the mesh as one segment of a SEG.
 
-
-def write_seg(
-    path: str | Path, mesh: Mesh, *, name: str, reference: str | Path | None, keep_patient: bool = False
-) -> None:
-    """Write the voxels inside a closed mesh as one segment of a DICOM SEG.
-
-    Parameters
-    ----------
-    path : path
-        The file to write.
-    mesh : Mesh
-        Closed; mm RAS.
-    name : str
-        The segment's label.
-    reference : path
-        Folder of the DICOM series whose pixels are taken, one image per slice; every image is referred to.
-    keep_patient : bool
-        Copy who the patient is from the series.
+    The voxels are those of ``options.series``, one image per slice; every image is referred to.
 
     Raises
     ------
     InputError
         No series, or the mesh holds none of its voxels.
     """
-    if reference is None:
+    series, name = options.series, options.organ
+    if series is None:
         raise InputError(str(path), *_NO_SERIES)
-    location = Path(reference).name
-    with guarded(location, *_UNUSABLE):
-        slices, affines = _grids(reference_slices(Path(reference)))
+    with guarded(series.name, *_UNUSABLE):
+        slices, affines = _grids(reference_slices(series))
         size = int(slices[0].Columns), int(slices[0].Rows)
-    blocks = [voxelise(mesh, LPS_TO_RAS @ affine, (*size, count)) for affine, count in affines]
+    blocks = [voxelise(surface.mesh, LPS_TO_RAS @ affine, (*size, count)) for affine, count in affines]
     mask = np.concatenate(blocks, axis=2)
     if not mask.any():
         raise InputError(str(path), "no voxel of the series lies in the surface", "name the right series")
     frames = np.ascontiguousarray(mask.transpose(2, 1, 0), np.uint8)
     step = float(np.linalg.norm(affines[0][0][:3, 2]))
-    sources = [_source(image, step, keep_patient) for image in slices]
-    with guarded(location, *_UNUSABLE):
+    sources = [_source(image, step, options.settings.keep_patient) for image in slices]
+    with guarded(series.name, *_UNUSABLE):
         dataset = _segmentation(frames, name, sources)
     dataset.save_as(path, enforce_file_format=True)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -26,7 +26,7 @@ from cccd_meshes.booleans import united
 from cccd_meshes.crossing_planes import DrawnPlane, planes_of, surface_through
 from cccd_meshes.csl import read_csl
 from cccd_meshes.distance_grid import grid_to_mesh
-from cccd_meshes.read_meshes import read_mesh
+from cccd_meshes.read_meshes import NotedMesh, read_mesh
 
 #: Vertices this near to each other, as a share of the mesh's diagonal, are one: float32 rounds coarser.
 SAME_SHARE = 1e-6
@@ -41,15 +41,8 @@ STEPS = (96, 256)
 MARGIN = 4
 
 
-class Mended(NamedTuple):
-    """A closed mesh, oriented outwards, and a line for each thing that was wrong with it."""
-
-    mesh: Mesh
-    notes: tuple[str, ...] = ()
-
-
-def read_closed_mesh(path: str | Path) -> Mended:
-    """Read a surface, and mend what can be mended.
+def read_closed_mesh(path: str | Path) -> NotedMesh:
+    """Read a surface, and mend what can be mended: it is closed then, and oriented outwards.
 
     Raises
     ------
@@ -58,7 +51,7 @@ def read_closed_mesh(path: str | Path) -> Mended:
     """
     found = read_mesh(path)
     mesh, notes = mend(found.mesh, Path(path).name)
-    return Mended(mesh, (*found.notes, *notes))
+    return NotedMesh(mesh, (*found.notes, *notes))
 
 
 def drawn_planes(path: Path, label: str = "") -> list[DrawnPlane] | None:
@@ -100,7 +93,7 @@ def structure_of_planes(planes: Sequence[DrawnPlane], name: str) -> Structure:
         Of the organ, and what messages name.
     """
     if _directions(planes) > 1:
-        return structure_of_mesh(Mended(surface_through(planes, name).outwards()), name)
+        return structure_of_mesh(NotedMesh(surface_through(planes, name).outwards()), name)
     if len(planes) < 2:
         raise InputError(name, "its contours lie in one plane", "give two planes or more")
     contours = [ring for plane in planes for ring in plane.rings]
@@ -113,7 +106,7 @@ def structure_of_planes(planes: Sequence[DrawnPlane], name: str) -> Structure:
     )
 
 
-def mend(mesh: Mesh, location: str) -> Mended:
+def mend(mesh: Mesh, location: str) -> NotedMesh:
     """Make a closed mesh that does not pass through itself of one that nearly is.
 
     Cracks are joined, doubled triangles left out, triangles turned alike, small holes closed, overlapping
@@ -150,7 +143,7 @@ def mend(mesh: Mesh, location: str) -> Mended:
             mesh = _remeshed(mesh, size)
             step = size / REMESHED
             notes.append(f"it passes through itself at {len(pairs)} places: made again, {step:.2g} mm fine")
-    return Mended(mesh, tuple(f"{location}: {note}" for note in notes))
+    return NotedMesh(mesh, tuple(f"{location}: {note}" for note in notes))
 
 
 def _joined(mesh: Mesh, size: float, notes: list[str]) -> Mesh:
@@ -261,12 +254,12 @@ def check_overlap(mesh: Mesh, scan: Volume, location: str) -> None:
     raise InputError(location, f"it lies outside {scan.location}", "check that both are in mm RAS")
 
 
-def structure_of_mesh(mended: Mended, name: str) -> Structure:
+def structure_of_mesh(mended: NotedMesh, name: str) -> Structure:
     """Cut a closed mesh into contours, from which its smooth surface is lofted.
 
     Parameters
     ----------
-    mended : Mended
+    mended : NotedMesh
     name : str
         Of the organ, and what messages name.
 

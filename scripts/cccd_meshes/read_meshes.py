@@ -33,16 +33,8 @@ _MOST_METRES = 10.0
 _HEAD = 4096
 
 
-class MeshFile(NamedTuple):
-    """A surface as it was read.
-
-    Attributes
-    ----------
-    mesh : Mesh
-        In mm RAS, equal vertices merged; it may be open, and turned inside out.
-    notes : tuple of str
-        What a user should know about the reading, one line each.
-    """
+class NotedMesh(NamedTuple):
+    """A surface, and what a user should know of how it was read or mended, one line each."""
 
     mesh: Mesh
     notes: tuple[str, ...] = ()
@@ -53,8 +45,8 @@ def is_mesh(path: Path) -> bool:
     return path.name.lower().endswith(MESH_SUFFIXES)
 
 
-def read_mesh(path: str | Path) -> MeshFile:
-    """Read a surface.
+def read_mesh(path: str | Path) -> NotedMesh:
+    """Read a surface in mm RAS, equal vertices merged; it may be open, and turned inside out.
 
     Parameters
     ----------
@@ -92,7 +84,7 @@ def read_mesh(path: str | Path) -> MeshFile:
     return found
 
 
-def _polygons(path: Path) -> MeshFile:
+def _polygons(path: Path) -> NotedMesh:
     """Read PLY, STL or OBJ."""
     import trimesh
 
@@ -100,10 +92,10 @@ def _polygons(path: Path) -> MeshFile:
     mesh = _merged(loaded.vertices, loaded.faces)
     with path.open("rb") as file:
         head = file.read(_HEAD)
-    return MeshFile(mesh.transformed(LPS_TO_RAS) if b"SPACE=LPS" in head else mesh)
+    return NotedMesh(mesh.transformed(LPS_TO_RAS) if b"SPACE=LPS" in head else mesh)
 
 
-def _gltf(path: Path) -> MeshFile:
+def _gltf(path: Path) -> NotedMesh:
     import trimesh
 
     scene = cast(Any, trimesh).load(path, process=False, force="scene")
@@ -117,46 +109,46 @@ def _gltf(path: Path) -> MeshFile:
     metres = float(np.ptp(mesh.vertices, axis=0).max()) if len(mesh.vertices) else 0.0
     if metres > _MOST_METRES:
         note = f"{path.name}: taken as mm RAS; in metres, glTF's unit, it would be {metres:.4g} m long"
-        return MeshFile(mesh, (note,))
-    return MeshFile(mesh.transformed(np.linalg.inv(TO_GLTF)))
+        return NotedMesh(mesh, (note,))
+    return NotedMesh(mesh.transformed(np.linalg.inv(TO_GLTF)))
 
 
-def _vtp(path: Path) -> MeshFile:
+def _vtp(path: Path) -> NotedMesh:
     import pyvista  # VTK takes a second to load
 
     found = cast(Any, pyvista).read(path, force_ext=".vtp").triangulate()
     mesh = _merged(found.points, found.regular_faces)
     said = [found.field_data[name] for name in ("Space", "SPACE") if name in found.field_data]
     lps = any(str(texts[0]).upper() == "LPS" for texts in said if len(texts))
-    return MeshFile(mesh.transformed(LPS_TO_RAS) if lps else mesh)
+    return NotedMesh(mesh.transformed(LPS_TO_RAS) if lps else mesh)
 
 
-def _gifti(path: Path) -> MeshFile:
+def _gifti(path: Path) -> NotedMesh:
     from nibabel.loadsave import load
 
     image = cast(Any, load(path))
     (points,) = image.get_arrays_from_intent("NIFTI_INTENT_POINTSET")
     (triangles,) = image.get_arrays_from_intent("NIFTI_INTENT_TRIANGLE")
-    return MeshFile(_merged(points.data, triangles.data))
+    return NotedMesh(_merged(points.data, triangles.data))
 
 
-def _splines(path: Path) -> MeshFile:
+def _splines(path: Path) -> NotedMesh:
     """Read ``surface.h5``: the mesh beside it, which shared walls change, or else the splines' own."""
     beside = path.with_suffix(".ply")
     if beside.is_file():
-        return MeshFile(read_ply(beside))
+        return NotedMesh(read_ply(beside))
     bodies = read_bodies(path)
     times = DRAWN - (sum(len(body.quads) for body in bodies) > LARGE)  # as the mesh of all has
-    return MeshFile(Mesh.joined([body.tessellate(times) for body in bodies]))
+    return NotedMesh(Mesh.joined([body.tessellate(times) for body in bodies]))
 
 
-def _solid(path: Path) -> MeshFile:
+def _solid(path: Path) -> NotedMesh:
     with needing(path.name, "cad"):
         vertices, faces = find(table("READERS")[path.suffix.lower()].read)(path)
-    return MeshFile(_merged(vertices, faces))
+    return NotedMesh(_merged(vertices, faces))
 
 
-_READERS: dict[str, Callable[[Path], MeshFile]] = {
+_READERS: dict[str, Callable[[Path], NotedMesh]] = {
     **dict.fromkeys((".ply", ".stl", ".obj"), _polygons),
     **dict.fromkeys((".glb", ".gltf"), _gltf),
     ".vtp": _vtp,

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.files import COLOUR
+from cccd.files import COLOUR, ExportOptions
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd.surface.surface import LoftedSurface
@@ -148,6 +148,12 @@ def _warnings(report: dict[str, Any]) -> list[str]:
     if report["self_intersections"]:
         found.append(f"the solid intersects itself in {report['self_intersections']} places")
     return found
+
+
+def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> dict[str, Any]:
+    """Write the surface's bodies as solids in mm RAS, a product for each; the suffix chooses the format."""
+    solids = build_solids(surface, options.settings.step_tolerance_mm)
+    return write_solids(path, options.organ, solids, path.suffix[1:].lower())
 
 
 def write_solids(path: Path, name: str, solids: Solids, form: str) -> dict[str, Any]:

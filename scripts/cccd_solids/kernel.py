@@ -17,7 +17,6 @@ from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
 from cccd.extras import needing
-from cccd.files import COLOUR
 from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import DEGREE
@@ -42,7 +41,7 @@ class Part:
 
     name: str
     solids: Sequence[Any]
-    colour: tuple[float, float, float] = COLOUR
+    colour: tuple[float, float, float]
 
 
 @dataclass(frozen=True)

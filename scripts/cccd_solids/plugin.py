@@ -2,7 +2,7 @@
 
 from cccd.plugins import Format, Reader
 
-_SOLIDS = ("cccd_solids.files.write", "cad", "solids")
+_SOLIDS = ("cccd_solids.build.write", "cad", "solids")
 
 READERS = dict.fromkeys(
     (".step", ".stp", ".iges", ".igs", ".brep"), Reader("cccd_solids.kernel.read_solid_mesh", holds="mesh")

@@ -21,14 +21,23 @@ from scipy.spatial.transform import Rotation
 from skimage.measure import find_contours
 
 from cccd.containers import Structure
+from cccd.files import ExportOptions
 from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
+from cccd.settings.surface import LoftSettings
+from cccd.surface.surface import LoftedSurface
 from support import ROOT
 
 DATA = ROOT.parent / "shared" / "data"
 #: What studies are referred to by, retired (PS3.6, annex A).
 STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"
 FLIP = np.diag([-1.0, -1.0, 1.0, 1.0])
+
+
+def export(write, path, mesh, frame=None, organ="organ", series=None, **settings):
+    """Write a mesh as a format's writer does; what does not lie on the scan needs no frame."""
+    options = ExportOptions(organ, series, settings=LoftSettings(**settings))
+    write(path, LoftedSurface([], mesh, frame), options)
 
 
 def dicom_file(sop_class, entropy):

@@ -92,7 +92,7 @@ def inputs(tmp_path_factory):
     """A folder with an input of every kind."""
     pytest.importorskip("highdicom")
     from cccd.geometry.mesh import Mesh
-    from cccd_dicom.seg import write_seg
+    from cccd_dicom.seg import write
 
     trimesh = pytest.importorskip("trimesh")
     folder = tmp_path_factory.mktemp("inputs")
@@ -112,7 +112,7 @@ def inputs(tmp_path_factory):
     scans.write_enhanced(folder / "enhanced" / "ct.dcm", grey, grid, range(13))
     sphere = trimesh.creation.icosphere(3, 8.0)
     mesh = Mesh(sphere.vertices + (grid @ (12, 12, 6, 1))[:3], np.asarray(sphere.faces, np.int64))
-    write_seg(folder / "seg.dcm", mesh, name="ball", reference=folder / "series")
+    scans.export(write, folder / "seg.dcm", mesh, organ="ball", series=folder / "series")
     (folder / "mesh.vtp").write_text("<VTKFile/>")
     (folder / "damaged.tsv").write_text("case\torgan\tsource\na\tliver\tdamaged_phantom\n")
     (folder / "sheet.tsv").write_text("case\torgan\tmask\na\tball\tmask.nii.gz\n")

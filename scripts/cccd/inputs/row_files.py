@@ -175,7 +175,7 @@ def list_labels(path: Path) -> dict[str, str]:
         return {name: name for name, _ in read_masks(path)}
     if _is_dicom(path):
         kind = "RTSTRUCT" if dicom_modality(path) == "RTSTRUCT" else "SEG"
-        names = find(table("READERS")[kind].names)(path)
+        names = find(table("READERS")[kind].read)(path).names
         return {str(number): name for number, name in sorted(names.items())}
     if _is_nnunet(path):
         return find(table("READERS")["nnU-Net"].read)(path).present()

@@ -4,14 +4,13 @@ import nibabel as nib
 import numpy as np
 import pytest
 from support.closed_shapes import box, moved, sphere, together
-from support.scans import affine_of, full, load
+from support.scans import affine_of, export, full, load
 
 from cccd.containers import Frame
 from cccd.errors import InputError
-from cccd.files import ExportOptions, write_label_map
+from cccd.files import write_label_map
 from cccd.geometry.raster import voxelise
-from cccd.surface.surface import LoftedSurface
-from cccd_dicom.rtstruct import write_rtstruct
+from cccd_dicom.rtstruct import write
 
 
 def frame_around(centre, spacing=(1.0, 1.3, 3.0), turn=(20, -30, 50), mirror=True, shape=(44, 36, 16)):
@@ -58,20 +57,20 @@ def test_label_map_is_read_back(tmp_path):
     frame = frame_around(CENTRE)
     mesh = sphere(15.0, CENTRE)
     name = "out.nii.gz"
-    write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
+    export(write_label_map, tmp_path / name, mesh, frame)
     image = nib.load(tmp_path / name)
     np.testing.assert_allclose(image.affine, frame.affine, atol=1e-5)
     structure = load(tmp_path, mask=name, label="1")
     np.testing.assert_array_equal(full(structure), whole_grid(mesh, frame))
     first = (tmp_path / name).read_bytes()
-    write_label_map(tmp_path / name, LoftedSurface([], mesh, frame), ExportOptions())
+    export(write_label_map, tmp_path / name, mesh, frame)
     assert (tmp_path / name).read_bytes() == first
 
 
 def test_rtstruct_on_any_spacing_with_holes_is_the_same_every_time(tmp_path):
     frame = frame_around(CENTRE, mirror=False)
     for name in ("rt.dcm", "again.dcm"):
-        write_rtstruct(tmp_path / name, shell_mesh(CENTRE), frame, name="shell", spacing_mm=1.25)
+        export(write, tmp_path / name, shell_mesh(CENTRE), frame, organ="shell", contour_spacing_mm=1.25)
     assert (tmp_path / "rt.dcm").read_bytes() == (tmp_path / "again.dcm").read_bytes()
     structure = load(tmp_path, mask="rt.dcm")
     curves = structure.contours
@@ -91,4 +90,4 @@ def test_reference_without_dicom(tmp_path):
     (tmp_path / "empty").mkdir()
     mesh = sphere(15.0, CENTRE)
     with pytest.raises(InputError, match="no DICOM images"):
-        write_rtstruct(tmp_path / "a.dcm", mesh, frame_around(CENTRE), name="x", reference=tmp_path / "empty")
+        export(write, tmp_path / "a.dcm", mesh, frame_around(CENTRE), series=tmp_path / "empty")

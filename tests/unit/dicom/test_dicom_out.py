@@ -21,9 +21,7 @@ from cccd.containers import Frame
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
-from cccd_dicom.encapsulated_stl import write_encapsulated_stl
-from cccd_dicom.rtstruct import write_rtstruct
-from cccd_dicom.seg import write_seg
+from cccd_dicom import encapsulated_stl, rtstruct, seg
 
 AFFINE = scans.dicom_affine()
 KINDS = ("RTSTRUCT", "M3D", "SEG")
@@ -50,13 +48,9 @@ def errors_of(path):
 
 def write_kind(kind, path, folder):
     """Write the ball as RTSTRUCT, M3D or SEG that refers to the series of a folder, or to none."""
-    if kind == "SEG":
-        write_seg(path, ball(), name="liver", reference=folder, keep_patient=True)
-    elif kind == "M3D":
-        write_encapsulated_stl(path, ball(), name="liver", reference=folder, keep_patient=True)
-    else:
-        frame = Frame(AFFINE, 2, scans.organ().shape)
-        write_rtstruct(path, ball(), frame, name="liver", reference=folder, keep_patient=True)
+    write = {"SEG": seg, "M3D": encapsulated_stl, "RTSTRUCT": rtstruct}[kind].write
+    frame = Frame(AFFINE, 2, scans.organ().shape)
+    scans.export(write, path, ball(), frame, organ="liver", series=folder, keep_patient=True)
 
 
 def edit_headers(folder, change):
@@ -237,8 +231,8 @@ def test_an_archive_keeps_all_kinds_with_their_scan(archive, tmp_path, series):
 
 def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_path, series):
     mesh = ball()
-    write_encapsulated_stl(tmp_path / "a.dcm", mesh, name="liver", reference=tmp_path / "dicom")
-    write_encapsulated_stl(tmp_path / "b.dcm", mesh, name="liver", reference=tmp_path / "dicom")
+    scans.export(encapsulated_stl.write, tmp_path / "a.dcm", mesh, organ="liver", series=tmp_path / "dicom")
+    scans.export(encapsulated_stl.write, tmp_path / "b.dcm", mesh, organ="liver", series=tmp_path / "dicom")
     assert (tmp_path / "a.dcm").read_bytes() == (tmp_path / "b.dcm").read_bytes()
     held = pydicom.dcmread(tmp_path / "a.dcm")
     stl = held.EncapsulatedDocument[: held.EncapsulatedDocumentLength]
@@ -259,7 +253,7 @@ def test_a_seg_has_the_voxels_inside_on_every_slice_of_its_series(tmp_path, turn
     mesh = ball()
     mesh = Mesh(mesh.vertices - CENTRE + (affine @ (18, 18, 6, 1))[:3], mesh.faces)
     series = scans.write_series(tmp_path / "dicom", scans.grey(scans.organ()), affine)
-    write_seg(tmp_path / "seg.dcm", mesh, name="liver", reference=tmp_path / "dicom")
+    scans.export(seg.write, tmp_path / "seg.dcm", mesh, organ="liver", series=tmp_path / "dicom")
     read = scans.load(tmp_path, image="dicom", mask="seg.dcm", label="liver")
     np.testing.assert_array_equal(scans.full(read), voxelise(mesh, read.frame.affine, read.frame.shape))
     held = pydicom.dcmread(tmp_path / "seg.dcm")
@@ -270,13 +264,13 @@ def test_a_seg_has_the_voxels_inside_on_every_slice_of_its_series(tmp_path, turn
 
 def test_a_seg_without_a_series_is_refused_in_one_line(tmp_path):
     with pytest.raises(InputError, match="needs its DICOM series"):
-        write_seg(tmp_path / "seg.dcm", ball(), name="liver", reference=None)
+        scans.export(seg.write, tmp_path / "seg.dcm", ball(), organ="liver", series=None)
 
 
 def test_a_seg_of_another_patients_series_is_refused(tmp_path, series):
     far = Mesh(ball().vertices + 500, ball().faces)
     with pytest.raises(InputError, match="no voxel of the series"):
-        write_seg(tmp_path / "seg.dcm", far, name="liver", reference=tmp_path / "dicom")
+        scans.export(seg.write, tmp_path / "seg.dcm", far, organ="liver", series=tmp_path / "dicom")
 
 
 def test_a_seg_on_slices_with_a_gap_has_the_frames_of_the_others(tmp_path):
@@ -284,7 +278,7 @@ def test_a_seg_on_slices_with_a_gap_has_the_frames_of_the_others(tmp_path):
     scans.write_series(tmp_path / "gap", scans.grey(scans.organ()), AFFINE, skip=(5,))
     frames = {}
     for name in ("whole", "gap"):
-        write_seg(tmp_path / f"{name}.dcm", ball(), name="liver", reference=tmp_path / name)
+        scans.export(seg.write, tmp_path / f"{name}.dcm", ball(), organ="liver", series=tmp_path / name)
         dataset = pydicom.dcmread(tmp_path / f"{name}.dcm")
         places = [
             frame.PlanePositionSequence[0].ImagePositionPatient[2]

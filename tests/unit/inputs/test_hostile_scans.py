@@ -10,7 +10,7 @@ from cccd import store
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.readers import MOST, read_volume
 from cccd_dicom.readers import Regions, Segments, read_series
-from cccd_dicom.rtstruct import write_rtstruct
+from cccd_dicom.rtstruct import write
 from cccd_viewers.viewer import case_figure
 from cccd_workflow.report.page import build_case_page
 
@@ -64,7 +64,7 @@ def test_the_structure_set_says_it_when_asked(tmp_path, keep):
     corners = 10 * TETRAHEDRON.vertices + frame.affine[:3, :3] @ [20, 20, 5] + frame.affine[:3, 3]
     mesh = Mesh(corners, TETRAHEDRON.faces)
     path = tmp_path / "out.dcm"
-    write_rtstruct(path, mesh, frame, name="x", reference=tmp_path / "scan", keep_patient=keep)
+    scans.export(write, path, mesh, frame, series=tmp_path / "scan", keep_patient=keep)
     written = pydicom.dcmread(path)
     assert (MARK.encode() in path.read_bytes()) == keep
     assert (str(written.PatientName) == WHO) == keep

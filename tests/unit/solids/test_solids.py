@@ -62,7 +62,8 @@ def test_every_body_is_a_valid_closed_solid(bodies, tmp_path, form):
 def test_step_says_unit_names_and_colours(tmp_path):
     path = tmp_path / "case.step"
     one, around, other = (shapes_of(mesh) for mesh in (box(), ring(), box((1, 1, 1))))
-    write_parts(path, [Part("liver", one, (1.0, 0.0, 0.0)), Part("lungs", [*around, *other])], "step")
+    lungs = Part("lungs", [*around, *other], (0.8, 0.5, 0.4))
+    write_parts(path, [Part("liver", one, (1.0, 0.0, 0.0)), lungs], "step")
     text = path.read_text()
     assert "ap242" in text
     assert "SI_UNIT(.MILLI.,.METRE.)" in text
