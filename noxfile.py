@@ -1,4 +1,7 @@
-"""Tasks: `nox --list` names them, `nox -s lint` runs one. `.ci/run` does all of it from a bare clone."""
+"""Tasks: `nox --list` names them, `nox -s lint` runs one.
+
+`.ci/run`, pre-commit and GitHub's actions call them.
+"""
 
 from pathlib import Path
 
@@ -6,17 +9,29 @@ import nox
 
 nox.options.default_venv_backend = "venv"
 nox.options.reuse_existing_virtualenvs = True
-nox.options.sessions = ["lint", "words", "types", "tests"]
+nox.options.sessions = ["lint", "words", "rules", "types", "tests"]
 
-#: The versions of `.ci/run` and `.pre-commit-config.yaml`; a test compares them.
-LINTERS = ("ruff==0.17.5", "snakefmt==2.1.0", "codespell==2.4.1", "proselint==0.16.0")
+LINTERS = (
+    "ruff==0.17.5",
+    "snakefmt==2.1.0",
+    "codespell==2.4.1",
+    "proselint==0.16.0",
+    "check-jsonschema==0.39.0",
+)
 PYRIGHT = "pyright==1.1.414"
 UV = "uv==0.13.9"
+#: Files whose form others have laid down, by the name of its schema.
+SCHEMAS = {
+    "github-workflows": sorted(Path(".github/workflows").glob("*.yml")),
+    "github-issue-forms": [Path(f".github/ISSUE_TEMPLATE/{name}.yml") for name in ("bug", "wish")],
+    "dependabot": [Path(".github/dependabot.yml")],
+    "citation-file-format": [Path("CITATION.cff")],
+}
 
 
 @nox.session
 def lint(session: nox.Session) -> None:
-    """Style, formatting, spelling and prose."""
+    """Style, formatting, spelling, prose, and files with a schema."""
     session.install(*LINTERS)
     session.run("ruff", "check", ".")
     session.run("ruff", "format", "--check", ".")
@@ -30,6 +45,8 @@ def lint(session: nox.Session) -> None:
         "docs/joss",
     ]
     session.run("proselint", "check", *map(str, pages))
+    for schema, paths in SCHEMAS.items():
+        session.run("check-jsonschema", "--builtin-schema", schema, *map(str, paths))
 
 
 @nox.session
@@ -40,10 +57,23 @@ def words(session: nox.Session) -> None:
 
 
 @nox.session
+def rules(session: nox.Session) -> None:
+    """Snakemake's own linter."""
+    session.install("-r", "envs/requirements.txt")
+    session.run("snakemake", "--lint")
+
+
+@nox.session
 def types(session: nox.Session) -> None:
-    """Types, with everything installed that is imported."""
-    session.install("-r", "envs/checks.txt", PYRIGHT)
-    session.run("pyright")
+    """Types: `nox -s types -- --pythonpath PYTHON` takes an environment that has all of envs/checks.txt."""
+    session.install(PYRIGHT, *([] if session.posargs else ["-r", "envs/checks.txt"]))
+    session.run("pyright", *session.posargs)
+
+
+@nox.session(venv_backend="none")
+def audit(session: nox.Session) -> None:
+    """Known vulnerabilities in what is pinned."""
+    session.run(".ci/audit")
 
 
 @nox.session
@@ -70,8 +100,9 @@ def docs(session: nox.Session) -> None:
 @nox.session
 def wheel(session: nox.Session) -> None:
     """Build the wheel and the source archive into the folder ``dist``."""
-    session.install("build==1.6.1")
+    session.install("build==1.6.1", "twine==7.0.0")
     session.run("python", "-m", "build", *session.posargs)
+    session.run("twine", "check", "--strict", *map(str, Path("dist").glob("*")))
 
 
 @nox.session

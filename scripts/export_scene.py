@@ -10,13 +10,11 @@ from cccd_solids.build import write_organs
 from cccd_walls.files import read_spline
 from cccd_walls.solids import build_together
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import by_organ
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
     check_format(snakemake.output.scene)
-    surfaces = {
-        Path(mesh).parent.name: read_surface(path, mesh)
-        for path, mesh in zip(snakemake.input.surfaces, snakemake.input.meshes, strict=True)
-    }
+    surfaces = by_organ(read_surface, snakemake.input.surfaces, snakemake.input.meshes)
     meshes = {name: surface.mesh for name, surface in surfaces.items()}
     colours = {organ.organ: organ.rgb for organ in name_organs(meshes, snakemake.params.labels)}
     organs = build_together(surfaces, read_spline(snakemake.input.spline), snakemake.params.tolerance_mm)

@@ -8,11 +8,13 @@ from cccd.store import atomic_path, read_ply, read_structure, read_surface_frame
 from cccd_tetrahedra.build import fill_and_measure
 from cccd_tetrahedra.files import WRITERS
 from cccd_workflow.job import job
+from cccd_workflow.stage_files import by_organ
 
 with job(snakemake.log[0], snakemake.wildcards.case, snakemake.input, snakemake.output):
-    organs = {Path(path).parent.name: read_ply(path) for path in snakemake.input.meshes}
-    frames = {Path(path).parent.name: read_surface_frame(path) for path in snakemake.input.surfaces}
-    scans = {Path(path).parent.name: scan_of(read_structure(path)) for path in snakemake.input.structures}
+    organs = by_organ(read_ply, snakemake.input.meshes)
+    frames = by_organ(read_surface_frame, snakemake.input.surfaces)
+    structures = by_organ(read_structure, snakemake.input.structures)
+    scans = {name: scan_of(structure) for name, structure in structures.items()}
     filled, report = fill_and_measure(
         organs,
         TetrahedraSettings(**snakemake.params.settings["tetrahedra"]),

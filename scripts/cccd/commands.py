@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 from cccd.console import clock, millilitres
 from cccd.errors import EarlyWarning, InputError
 from cccd.extras import check_extra
-from cccd.plugins import find, table
+from cccd.plugins import find, formats, table
 from cccd.store import check_writable
 
 if TYPE_CHECKING:
@@ -264,19 +264,28 @@ _MOST_CORES = 4
 _STEPS = ("reading", "contours", "splines", "surface", "writing")
 
 
+class _Formats:
+    """Suffixes of all formats, which are looked up only where the help is printed."""
+
+    def __str__(self) -> str:
+        kinds = {"mesh": "meshes and others", "solids": "solids", "tetrahedra": "tetrahedra"}
+        return "; ".join(
+            f"{text}: {' '.join(f'.{name}' for name in formats(kind))}" for kind, text in kinds.items()
+        )
+
+
 def add_surface(command: argparse.ArgumentParser) -> None:
     """Make a smooth closed surface, and print its volume, its size and warnings."""
     add_input(command.add_argument_group("what is read"))
     written = command.add_argument_group("what is written")
     every = command.add_argument_group("all labels")
     shape = command.add_argument_group("the surface")
-    written.add_argument(
+    output = written.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="output file, repeatable. The suffix chooses the format: .ply .stl .obj .vtp .gii .glb .3mf "
-        "(mesh), .usd (spline), .step .iges .brep (solid), .msh .vtu .inp .feb (tetrahedra), .nii.gz (label "
-        "map), .dcm .seg.dcm .stl.dcm (RTSTRUCT, SEG, encapsulated STL). Default: the input's name with .ply "
-        "(with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
+        help="output file, repeatable. The suffix chooses the format: %(formats)s. Default: the input's name "
+        "with .ply (with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
+    vars(output)["formats"] = _Formats()
     written.add_argument(
         "--like", type=Path, metavar="SCAN",
         help="the input is a mesh (.stl .ply .obj .glb .vtp .step) or contours in several directions (.csl): "

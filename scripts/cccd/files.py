@@ -27,11 +27,14 @@ from cccd.geometry.mesh import Mesh, xml_of
 from cccd.geometry.raster import voxelise
 from cccd.inputs.annotation import fill_mask
 from cccd.inputs.grid import Volume
-from cccd.plugins import COLOUR, NOTE, find, formats, own_rows, row
+from cccd.plugins import find, formats, own_rows, row
 from cccd.settings.surface import LoftSettings
-from cccd.store import atomic_path, check_writable
+from cccd.store import NOTE, atomic_path, check_writable
 from cccd.store import write_ply as write_mesh
 from cccd.surface.surface import LoftedSurface
+
+#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
+COLOUR = (0.80, 0.47, 0.40)
 
 
 @dataclass(frozen=True)

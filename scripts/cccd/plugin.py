@@ -1,6 +1,14 @@
 """The core's own rows in the tables of `cccd.plugins`."""
 
-from cccd.plugins import Command, Format
+from cccd.plugins import Command, Format, Reader
+
+_NIFTI = Reader("cccd.inputs.readers.read_nifti", holds="volume")
+_ITK = Reader("cccd.inputs.readers.read_itk", holds="volume")
+
+READERS = {
+    **dict.fromkeys((".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh"), _NIFTI),
+    **dict.fromkeys((".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd"), _ITK),
+}
 
 WRITERS = {
     "3mf": Format("mesh for printing: millimetres, colour, thinnest wall", "cccd.files.write_3mf", "print"),

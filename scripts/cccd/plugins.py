@@ -7,7 +7,7 @@ table                     a row
 ========================= ========================================================================
 ``COMMANDS``              a command: `Command`
 ``OPTIONS``               path of what ``cccd surface`` does of an option or another input, by it
-``READERS``               what reads a kind of file, by suffix or DICOM's modality: `Reader`
+``READERS``               what reads a kind of file, by suffix with its dot, or another name: `Reader`
 ``WRITERS``               a format of files: `Format`
 ``CURVES``                path of a function that makes curves, by what of (`Structure.input`, pixels)
 ``SOURCES``               path of what makes a row's `Scan` or `Structure`, by its source
@@ -44,12 +44,6 @@ PACKAGES = (
     *("cccd_walls", "cccd_shapes", "cccd_calibration", "cccd_workflow", "cccd_paper", "cccd_training"),
 )
 
-#: Red, green and blue (sRGB, 0 to 1) of an organ that nothing gives a colour.
-COLOUR = (0.80, 0.47, 0.40)
-
-#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
-NOTE = "CCCD surface; unit mm; SPACE=RAS"
-
 
 @dataclass(frozen=True)
 class Command:
@@ -78,10 +72,17 @@ class Reader:
         Path of a function of the file's path.
     names : str
         Path of a function that lists what is in it, where that is several things: names by number.
+    holds : {"", "volume", "mesh"}
+        Of a row by suffix: what the function returns, a `cccd.inputs.grid.Volume` (a mask, a label map, an
+        image), or vertices (V, 3) in mm RAS and triangles (F, 3).
+    inside : tuple of str
+        Names of files: a folder with one of them is such a volume, whatever its own name.
     """
 
     read: str
     names: str = ""
+    holds: Literal["", "volume", "mesh"] = ""
+    inside: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

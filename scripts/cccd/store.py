@@ -386,6 +386,9 @@ def read_surface_frame(path: str | Path) -> Frame:
         return _get_frame(file)
 
 
+#: Written wherever a format has room for text; ``SPACE=RAS`` is what 3D Slicer looks for.
+NOTE = "CCCD surface; unit mm; SPACE=RAS"
+
 #: A triangle of the file.
 _TRIANGLE = np.dtype([("count", "u1"), ("corners", "<i4", 3)])
 

@@ -10,10 +10,11 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
 from cccd.chaincode import DIRECTIONS
 from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, connected_parts, ranks_of
 from cccd.tolerances import ROUNDING
 from cccd_junctions.columns import Column, FeatureSchema
 
@@ -187,25 +188,13 @@ def _outward(pixels: AnyArray, branch: IntArray) -> FloatArray:
     low = pixels.min(axis=0) - _REACH_PX
     raster = np.full(pixels.max(axis=0) - low + 1 + _REACH_PX, -1, np.int32)
     raster[tuple((pixels - low).T)] = branch
-    return _from_mean_place(raster, pixels - low, _REACH_PX) * (2 / _REACH_PX)
-
-
-@jit
-def _from_mean_place(raster: AnyArray, places: AnyArray, reach: int) -> FloatArray:
-    # from the mean place of the branch's pixels in a window to each pixel (N, 2)
-    away = np.zeros((len(places), 2))
-    for n in range(len(places)):
-        i, j = places[n]
-        own = raster[i, j]
-        count = 0
-        for di in range(-reach, reach + 1):
-            for dj in range(-reach, reach + 1):
-                if raster[i + di, j + dj] == own:
-                    away[n, 0] -= di
-                    away[n, 1] -= dj
-                    count += 1
-        away[n] /= count
-    return away
+    i, j = (pixels - low - _REACH_PX).T
+    window = np.arange(-_REACH_PX, _REACH_PX + 1)
+    around = sliding_window_view(raster, (len(window), len(window)))[i, j]
+    own = (around == branch[:, None, None]).reshape(len(pixels), -1).astype(float)
+    steps = np.stack(np.meshgrid(window, window, indexing="ij"), axis=-1).reshape(-1, 2)
+    from_mean = -(own @ steps) / own.sum(axis=1, keepdims=True)
+    return from_mean * (2 / _REACH_PX)
 
 
 def connected_nodes(count: int, links: AnyArray) -> IntArray:
@@ -216,45 +205,17 @@ def connected_nodes(count: int, links: AnyArray) -> IntArray:
     >>> connected_nodes(5, np.array([[4, 2], [0, 1]])).tolist()
     [0, 0, 2, 3, 2]
     """
-    return _lowest(count, np.ascontiguousarray(links, np.int64))
+    part = connected_parts(links[:, 0], links[:, 1], count)
+    _, lowest = np.unique(part, return_index=True)
+    return lowest[part]
 
 
-@jit
-def _lowest(count: int, links: IntArray) -> IntArray:
-    # joins the trees of a link's ends under the lower root; ways to a root are halved as they are walked
-    lowest = np.arange(count)
-    for n in range(len(links)):
-        a, b = links[n, 0], links[n, 1]
-        while lowest[a] != a:
-            lowest[a] = lowest[lowest[a]]
-            a = lowest[a]
-        while lowest[b] != b:
-            lowest[b] = lowest[lowest[b]]
-            b = lowest[b]
-        lowest[max(a, b)] = min(a, b)
-    for node in range(count):  # what is lower has its root already
-        lowest[node] = lowest[lowest[node]]
-    return lowest
-
-
-@jit
 def _pairs_at_one_place(place: IntArray) -> IntArray:
-    # all pairs (P, 2) of ends at the same place; ends of one place stand together
-    count, total = len(place), 0
-    begin = 0
-    for end in range(1, count + 1):
-        if end == count or place[end] != place[begin]:
-            total += (end - begin) * (end - begin - 1) // 2
-            begin = end
-    pairs = np.empty((total, 2), np.int64)
-    written = 0
-    for a in range(count):
-        b = a + 1
-        while b < count and place[b] == place[a]:
-            pairs[written, 0], pairs[written, 1] = a, b
-            written += 1
-            b += 1
-    return pairs
+    """Find all pairs (P, 2) of ends at the same place (E,); ends of one place stand together."""
+    last = np.searchsorted(place, place, side="right")
+    after = last - np.arange(len(place)) - 1
+    first = np.repeat(np.arange(len(place)), after)
+    return np.column_stack([first, first + 1 + ranks_of(after)])
 
 
 @jit

@@ -13,10 +13,11 @@ from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import Delaunay
 
-from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
+from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, connected_parts
 from cccd_junctions.branches import connected_nodes
 
 IndexArray = npt.NDArray[np.int32]
@@ -156,7 +157,7 @@ def build_graph(pixels: AnyArray, edges: AnyArray | None = None) -> DelaunayGrap
     step = points[links[:, 0]] - points[links[:, 1]]
     length = np.hypot(step[:, 0], step[:, 1])
     outer = any_corner(ghost, triangles)
-    regions, depths = _regions_and_depths(neighbours, triangle_links, length, outer)
+    regions, depths = _regions_and_depths(link_triangles, length, outer)
     return DelaunayGraph(
         points,
         ghost,
@@ -184,78 +185,20 @@ def _links(triangles: IndexArray, neighbours: IndexArray) -> tuple[IndexArray, I
 
 
 def _regions_and_depths(
-    neighbours: IndexArray, triangle_links: IndexArray, length: FloatArray, outer: BoolArray
+    link_triangles: IndexArray, length: FloatArray, outer: BoolArray
 ) -> tuple[IndexArray, DepthArray]:
     """Regions and depths (T, G) for every scale of `REGION_GAPS_PX`."""
-    regions: list[IndexArray] = []
-    depths: list[DepthArray] = []
+    regions: list[IntArray] = []
+    depths: list[FloatArray] = []
+    sides = link_triangles.astype(np.int64)
     for gap in REGION_GAPS_PX:
-        wall = np.append(length <= gap, False)[triangle_links]  # -1 takes the last
-        regions.append(_flood(neighbours, wall))
-        depths.append(_walls_to_outside(neighbours, wall, outer))
-    return np.column_stack(regions), np.column_stack(depths)
-
-
-@jit
-def _flood(neighbours: IndexArray, wall: BoolArray) -> IndexArray:
-    # number of the region (T,) of triangles that no wall keeps apart
-    count = len(neighbours)
-    regions = np.full(count, -1, np.int32)
-    stack = np.empty(3 * count + 1, np.int32)
-    number = 0
-    for start in range(count):
-        if regions[start] >= 0:
-            continue
-        regions[start] = number
-        stack[0] = start
-        height = 1
-        while height > 0:
-            height -= 1
-            cell = stack[height]
-            for side in range(3):
-                beyond = neighbours[cell, side]
-                if beyond >= 0 and regions[beyond] < 0 and not wall[cell, side]:
-                    regions[beyond] = number
-                    stack[height] = beyond
-                    height += 1
-        number += 1
-    return regions
-
-
-@jit
-def _walls_to_outside(neighbours: IndexArray, wall: BoolArray, outer: BoolArray) -> DepthArray:
-    # fewest walls (T,) on a way to the outside: a 0-1 breadth-first search from there
-    count = len(neighbours)
-    depths = np.full(count, 32767, np.int16)
-    current = np.empty(4 * count + 4, np.int32)
-    following = np.empty(4 * count + 4, np.int32)
-    filled = 0
-    for cell in range(count):
-        if outer[cell]:
-            depths[cell] = 0
-            current[filled] = cell
-            filled += 1
-    level = 0
-    while filled > 0:
-        ahead = 0
-        while filled > 0:
-            filled -= 1
-            cell = current[filled]
-            if depths[cell] != level:
-                continue
-            for side in range(3):
-                beyond = neighbours[cell, side]
-                reached = level + 1 if wall[cell, side] else level
-                if beyond < 0 or reached >= depths[beyond]:
-                    continue
-                depths[beyond] = reached
-                if wall[cell, side]:
-                    following[ahead] = beyond
-                    ahead += 1
-                else:
-                    current[filled] = beyond
-                    filled += 1
-        current, following = following, current
-        filled = ahead
-        level += 1
-    return depths
+        open_side, wall = sides[length > gap], sides[length <= gap]
+        region = connected_parts(open_side[:, 0], open_side[:, 1], len(outer))
+        count = int(region.max()) + 1
+        between = np.ones(len(wall)), (region[wall[:, 0]], region[wall[:, 1]])
+        beside = csr_array(between, shape=(count, count))
+        outside = np.unique(region[outer])
+        depth = dijkstra(beside, directed=False, indices=outside, unweighted=True, min_only=True)
+        regions.append(region)
+        depths.append(depth[region])
+    return np.column_stack(regions).astype(np.int32), np.column_stack(depths).astype(np.int16)

@@ -115,4 +115,4 @@ def least_energy(graph: DelaunayGraph, energy: Energy[FloatArray]) -> BoolArray:
 def least_energies(graph: DelaunayGraph, unaries: Sequence[FloatArray], pairwise: FloatArray) -> BoolArray:
     """Inside triangles (K, T) of the least of several energies that differ in their unary terms alone."""
     held = np.where(graph.outer, _HELD, np.stack(unaries))
-    return minimum_cuts(held, pairwise, graph.neighbours, graph.triangle_links)
+    return minimum_cuts(held, pairwise, graph.link_triangles)

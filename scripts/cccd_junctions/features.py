@@ -11,8 +11,8 @@ from typing import cast
 
 import cv2
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 
-from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.tolerances import LEAST_PX
 from cccd_junctions.branches import SHAPE_COLUMNS, find_branches
@@ -171,17 +171,11 @@ def measure_features(graph: DelaunayGraph, intensity: IntensitySlice | None) -> 
     return GraphFeatures(_node_features(graph, places, intensity), links, triangles, branch, group)
 
 
-@jit
 def _patches(raster: ByteArray, at: IntArray, half: int, step: int) -> ByteArray:
-    # samples (N, (2 half + 1)^2) of a raster around places (N, 2), all within it
-    width = 2 * half + 1
-    samples = np.empty((len(at), width * width), np.uint8)
-    for n in range(len(at)):
-        for i in range(width):
-            for j in range(width):
-                row, column = at[n, 0] + (i - half) * step, at[n, 1] + (j - half) * step
-                samples[n, i * width + j] = raster[row, column]
-    return samples
+    """Take samples (N, (2 half + 1)^2) of a raster around places (N, 2), all within it."""
+    reach = half * step
+    around = sliding_window_view(raster, (2 * reach + 1, 2 * reach + 1))[:, :, ::step, ::step]
+    return around[tuple((at - reach).T)].reshape(len(at), -1)
 
 
 def _raster_places(graph: DelaunayGraph) -> IntArray:

@@ -10,12 +10,8 @@ stored at            holds
 ``pool_index``       of triangles (`TRIANGLE_POOLS`, T) their region, at two scales; of links
                      (`LINK_POOLS`, L) what they share with others: the same two regions, at two scales,
                      the same two branches, the same two good-continuation groups
-``pool_order``       of the same shape: triangles, and links, pool by pool
 `PIXEL_LINKS`        the two pixels of every link, each link once, in the order of ``link``
 `TRIANGLE_LINKS`     the two triangles that share a link, in the same order
-`PIXEL_MESSAGES`     both ways of every link between pixels, receiver by receiver; ``edge_row`` (2 L,):
-                     twice the link's number, one more for the way back
-`TRIANGLE_MESSAGES`  likewise between triangles
 `CORNERS`            pixels to the triangles that they are corners of; ``edge_attr`` (3 T, CORNER_WIDTH):
                      cosine and sine of the corner's angle at the centroid, of twice the angle, log of its
                      distance
@@ -33,7 +29,6 @@ import torch
 from torch import Tensor
 from torch_geometric.data import HeteroData
 
-from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, IntArray
 from cccd.tolerances import LEAST_PX
 from cccd_junctions.delaunay import DelaunayGraph
@@ -43,8 +38,6 @@ from cccd_junctions.intensity import IntensitySlice
 #: Types of edges.
 PIXEL_LINKS = ("pixel", "link", "pixel")
 TRIANGLE_LINKS = ("triangle", "link", "triangle")
-PIXEL_MESSAGES = ("pixel", "message", "pixel")
-TRIANGLE_MESSAGES = ("triangle", "message", "triangle")
 CORNERS = ("pixel", "corner", "triangle")
 
 #: Rows of ``pool_index``.
@@ -58,20 +51,16 @@ _POOLED_SCALES = (0, 2)
 
 
 class SliceData(HeteroData):
-    """A `HeteroData` whose pools and rows of messages are shifted as well when slices are joined."""
+    """A `HeteroData` whose pools are shifted as well when slices are joined."""
 
     def __cat_dim__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """Along which dimension slices are joined."""
-        return 1 if key in ("pool_index", "pool_order") else super().__cat_dim__(key, value, *args, **kwargs)
+        return 1 if key == "pool_index" else super().__cat_dim__(key, value, *args, **kwargs)
 
     def __inc__(self, key: str, value: Any, *args: Any, **kwargs: Any) -> Any:
         """By how much the next slice's numbers are raised."""
         if key == "pool_index":
             return value.amax(dim=1, keepdim=True) + 1
-        if key == "pool_order":
-            return value.shape[1]
-        if key == "edge_row":
-            return len(value)
         return super().__inc__(key, value, *args, **kwargs)
 
 
@@ -90,27 +79,9 @@ def make_data(graph: DelaunayGraph, intensity: IntensitySlice | None) -> HeteroD
     owners = np.arange(len(graph.triangles)).repeat(3)
     data[CORNERS].edge_index = _index(np.stack([graph.triangles.ravel(), owners]))
     data[CORNERS].edge_attr = _real(_corner_directions(graph))
-    pools = {"triangle": graph.regions[:, _POOLED_SCALES].T, "link": _link_pools(graph, features)}
-    for name, pool in pools.items():
-        data[name].pool_index = _index(pool)
-        data[name].pool_order = _index(np.stack([_order_of(kind) for kind in pool]))
-    for kind, pairs in ((PIXEL_MESSAGES, graph.links), (TRIANGLE_MESSAGES, graph.link_triangles)):
-        edges, rows = _messages(pairs)
-        data[kind].edge_index, data[kind].edge_row = _index(edges), _index(rows)
+    data["triangle"].pool_index = _index(graph.regions[:, _POOLED_SCALES].T)
+    data["link"].pool_index = _index(_link_pools(graph, features))
     return data
-
-
-def _order_of(numbers: AnyArray) -> IntArray:
-    """Order (N,) of small numbers (N,), equal ones as they stand."""
-    # numbers of two bytes are sorted by their digits, many times faster
-    return np.argsort(numbers.astype(np.uint16) if numbers.max() < 1 << 16 else numbers, kind="stable")
-
-
-def _messages(pairs: AnyArray) -> tuple[IntArray, IntArray]:
-    """Both ways (2, 2 L) of pairs (L, 2), receiver by receiver, and the row (2 L,) of each."""
-    rows = _order_of(pairs[:, ::-1].ravel())
-    senders, receivers = pairs.ravel()[rows], pairs[:, ::-1].ravel()[rows]
-    return np.stack([senders, receivers]).astype(np.int64), rows
 
 
 def _index(array: AnyArray) -> Tensor:
@@ -142,26 +113,5 @@ def _link_pools(graph: DelaunayGraph, features: GraphFeatures) -> IntArray:
 
 def _same_pair(pair: IntArray) -> IntArray:
     """Assign equal unordered pairs (L, 2) equal numbers (L,)."""
-    return _numbered(pair, int(pair.max()) + 1)
-
-
-@jit
-def _numbered(pair: IntArray, count: int) -> IntArray:
-    # numbers in the order of first sight, from a table with open addresses (Knuth 1973)
-    size = 4
-    while size < 2 * len(pair):
-        size *= 2
-    keys, values = np.full(size, -1), np.empty(size, np.int64)
-    numbers = np.empty(len(pair), np.int64)
-    found = 0
-    for n in range(len(pair)):
-        low, high = min(pair[n, 0], pair[n, 1]), max(pair[n, 0], pair[n, 1])
-        key = low * count + high
-        at = (key * 40503 + (key >> 7)) & (size - 1)
-        while keys[at] >= 0 and keys[at] != key:
-            at = (at + 1) & (size - 1)
-        if keys[at] < 0:
-            keys[at], values[at] = key, found
-            found += 1
-        numbers[n] = values[at]
-    return numbers
+    low, high = np.minimum(*pair.T), np.maximum(*pair.T)
+    return np.unique(low * (int(pair.max()) + 1) + high, return_inverse=True)[1]

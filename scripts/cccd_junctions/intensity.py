@@ -8,8 +8,7 @@ from typing import cast
 import cv2
 import numpy as np
 
-from cccd.geometry._jit import jit
-from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray, RealArray, SingleArray
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, IntArray, RealArray, SingleArray
 from cccd.geometry.opencv import components, distance_to_zero, gaussian_blur, sobel
 from cccd.tolerances import CONTRAST
 from cccd_junctions.boundary import gradient_ridges
@@ -90,20 +89,10 @@ def normalised_intensity(image: RealArray, pixels: AnyArray) -> IntensitySlice:
 
 def sample_channels(intensity: IntensitySlice, points: AnyArray) -> SingleArray:
     """Channels (..., 2 + len(BLURS)) in 0..1 at the pixels nearest to points (..., 2)."""
-    places = np.ascontiguousarray(points - intensity.origin, float).reshape(-1, 2)
-    return _nearest(intensity.channels, places).reshape(*points.shape[:-1], -1)
-
-
-@jit
-def _nearest(channels: ByteArray, places: FloatArray) -> SingleArray:
-    # channels (N, C) of the pixels nearest to places (N, 2); beyond the border, of the border's
-    samples = np.empty((len(places), channels.shape[2]), np.float32)
-    for n in range(len(places)):
-        i = min(max(int(np.rint(places[n, 0])), 0), channels.shape[0] - 1)
-        j = min(max(int(np.rint(places[n, 1])), 0), channels.shape[1] - 1)
-        for channel in range(channels.shape[2]):
-            samples[n, channel] = np.float32(channels[i, j, channel]) / np.float32(255)
-    return samples
+    i, j = np.moveaxis(np.rint(points - intensity.origin).astype(np.int64), -1, 0)
+    rows, columns, _ = intensity.channels.shape
+    samples = intensity.channels[np.clip(i, 0, rows - 1), np.clip(j, 0, columns - 1)]
+    return np.divide(samples, 255, dtype=np.float32)
 
 
 def image_edges(intensity: IntensitySlice, pixels: AnyArray) -> IntArray:

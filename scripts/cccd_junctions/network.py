@@ -12,8 +12,8 @@ from torch_geometric.data import Batch, HeteroData
 
 from cccd_junctions.energy import Logits
 from cccd_junctions.features import LINKS, NODES, TRIANGLES
-from cccd_junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, PIXEL_MESSAGES, make_data
-from cccd_junctions.layers import DirectedLinks, EquationEleven, Exchange, HeadGate, Incidence, MessageLayer
+from cccd_junctions.graph_data import CORNER_WIDTH, CORNERS, PIXEL_LINKS, make_data
+from cccd_junctions.layers import EquationEleven, MessageLayer, both_ways, sum_of_ends
 from cccd_junctions.observation import ObservedSlice
 
 # Hidden channels that encode a pixel's surroundings, for each channel of its state.
@@ -68,10 +68,10 @@ class JunctionNetwork(nn.Module):
         )
         self.pixel_layers = nn.ModuleList(EquationEleven(width, width, dropout) for _ in range(pixel_layers))
         # parts of a link's gates that are the same, and that change sign, for its two directions
-        self.even_gates = nn.ModuleList(HeadGate(LINKS.width, heads, width) for _ in range(pixel_layers))
-        self.odd_gates = nn.ModuleList(HeadGate(2, heads, width, bias=False) for _ in range(pixel_layers))
+        self.even_gates = nn.ModuleList(nn.Linear(LINKS.width, heads) for _ in range(pixel_layers))
+        self.odd_gates = nn.ModuleList(nn.Linear(2, heads, bias=False) for _ in range(pixel_layers))
         self.corner_layer = EquationEleven(width, width, dropout)
-        self.corner_gate = HeadGate(CORNER_WIDTH, heads, width)
+        self.corner_gate = nn.Linear(CORNER_WIDTH, heads)
         self.triangle_encoder = nn.Sequential(
             nn.BatchNorm1d(TRIANGLES.width), nn.Linear(TRIANGLES.width, width)
         )
@@ -87,27 +87,25 @@ class JunctionNetwork(nn.Module):
 
     def forward(self, data: HeteroData) -> tuple[Tensor, Tensor]:
         """Logits that a triangle (T,) is inside and that a link (L,) is true, of a `Batch` of slices."""
-        links, triangles = data["link"], data["triangle"]
-        features = self.link_encoder[0](links.x)  # normalised: gates read the same
-        ways = DirectedLinks.of(data, PIXEL_LINKS, PIXEL_MESSAGES)
-        x = self._pixel_states(data, features, ways)
-        t = self.triangle_encoder(triangles.x)
+        features = self.link_encoder[0](data["link"].x)  # normalised: gates read the same
+        x = self._pixel_states(data, features)
+        t = self.triangle_encoder(data["triangle"].x)
         corners = data[CORNERS]
-        received = Incidence.of_owners(corners.edge_index[1], len(t))
-        t = t + self.corner_layer(x, corners.edge_index, self.corner_gate(corners.edge_attr), received)
-        e = self.link_encoder[1](features) + ways.ends.sums(self.end_encoder(x))
-        exchange = Exchange.of(data, self.training)
+        t = t + self.corner_layer(x, corners.edge_index, self.corner_gate(corners.edge_attr), len(t))
+        ends = data[PIXEL_LINKS].edge_index
+        e = self.link_encoder[1](features) + sum_of_ends(self.end_encoder(x), ends)
         for layer in self.message_layers:
-            t, e = layer(t, e, exchange)
+            t, e = layer(t, e, data)
         return self.inside_head(t).squeeze(1), self.link_head(e).squeeze(1)
 
-    def _pixel_states(self, data: HeteroData, link_features: Tensor, ways: DirectedLinks) -> Tensor:
+    def _pixel_states(self, data: HeteroData, link_features: Tensor) -> Tensor:
         """States of the pixels (V, width) after their own layers."""
         x: Tensor = self.pixel_encoder(data["pixel"].x.float().div_(255))
+        edges = both_ways(data[PIXEL_LINKS].edge_index)
         for layer, even, odd in zip(self.pixel_layers, self.even_gates, self.odd_gates, strict=True):
             both, turned = even(link_features), odd(data["link"].direction)
             gates = torch.stack([both + turned, both - turned], dim=1).flatten(0, 1)
-            x = x + layer(x, ways.edges, ways.rows.sums(gates), ways.received)
+            x = x + layer(x, edges, gates)
         return x
 
     @cached_property

@@ -16,7 +16,7 @@ from cccd.console import print_error
 from cccd.errors import InputError
 from cccd.files import format_of
 from cccd.store import atomic_path
-from cccd.surface.between import near_pairs
+from cccd_labels.between import near_pairs
 from cccd_labels.progress import OrganLines, joined_warnings, organ_table
 from cccd_labels.scene import name_organs, write_scene
 from cccd_labels.whole_map import WholeMap

@@ -21,7 +21,7 @@ from cccd.file_headers import object_in
 from cccd.geometry.arrays import AnyArray
 from cccd.inputs.grid import Volume
 from cccd.inputs.labels import freesurfer_labels, plain_name
-from cccd.inputs.readers import is_zarr
+from cccd.inputs.readers import reader_of
 from cccd.inputs.row_files import label_values, list_labels, read_masks
 from cccd.store import read_json, write_json
 
@@ -140,7 +140,7 @@ def _named(
 
 def _parts(path: Path) -> Iterator[tuple[str, str, Volume]] | None:
     """Labels of a volume or of a folder's masks: label, name, boolean voxels; None for DICOM."""
-    if path.is_dir() and not is_zarr(path):
+    if path.is_dir() and reader_of(path) is None:
         return ((name, name, _boxed(mask.data, mask)) for name, mask in read_masks(path))
     volume = label_values(path)
     return None if volume is None else _parts_of(volume)

@@ -11,10 +11,11 @@ from cccd.containers import Grid
 from cccd.errors import InputError
 from cccd.geometry.arrays import IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import block_of, voxelise, voxels_within
+from cccd.geometry.raster import voxelise
 from cccd.inputs.grid import Volume
 from cccd.inputs.row_files import label_values
 from cccd_labels.label_maps import MapLabel
+from cccd_labels.voxels import block_of, voxels_within
 from cccd_labels.whole_map import LabelSurface, WholeMap
 
 #: A voxel's share is counted at so many points along each of its edges.

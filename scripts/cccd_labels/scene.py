@@ -11,10 +11,10 @@ import numpy as np
 from cccd.containers import Frame
 from cccd.files import TO_GLTF, gltf_material
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.raster import voxels_within
 from cccd.inputs.grid import LPS_TO_RAS
-from cccd.plugins import NOTE
+from cccd.store import NOTE
 from cccd_labels.label_maps import colour_of
+from cccd_labels.voxels import voxels_within
 
 _CONTEXT = "Segmentation category and type - 3D Slicer General Anatomy list"
 

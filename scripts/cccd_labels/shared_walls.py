@@ -25,10 +25,9 @@ from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, connected_parts, offsets_of
 from cccd.geometry.collisions import MovingTriangles
 from cccd.geometry.mesh import Mesh
-from cccd.inputs.annotation import with_undrawn_filled
 from cccd.settings.surface import LoftSettings
 from cccd.store import read_report, read_structure
-from cccd.surface.checks import check_walls, crossing
+from cccd.surface.checks import crossing
 from cccd.surface.distances import find_borders
 from cccd.surface.loft import band_of
 from cccd.surface.smooth_mesh import ROUNDS, default_wave
@@ -36,6 +35,7 @@ from cccd.surface.surface import LoftedSurface
 from cccd_labels.conforming import ConformingSurface, low_passed, read_conforming
 from cccd_labels.label_fields import LabelFields, box_of, gathered, label_sections, level_blocks
 from cccd_labels.surface_nets import split_again, surface_nets, well_composed
+from cccd_labels.voxels import check_walls
 from cccd_labels.wall_decimation import simplified
 
 #: Organs with a voxel of both within so many voxels of some voxel are smoothed together.
@@ -148,7 +148,7 @@ class SharedWalls:
         }
         report["warnings"] = [
             *report["warnings"],
-            *check_walls(mesh, with_undrawn_filled(structure, mesh)),
+            *check_walls(mesh, structure),
             *_of_other_volume(mesh, structure),
             *band.warnings(slices.ratio),
         ]

@@ -24,7 +24,7 @@ from cccd.plugins import find, table
 from cccd.store import read_bodies, read_ply
 
 #: Suffixes of solids, which another package reads.
-CAD_SUFFIXES = tuple(kind for kind in table("READERS") if kind.startswith("."))
+CAD_SUFFIXES = tuple(kind for kind, reader in table("READERS").items() if reader.holds == "mesh")
 
 #: A glTF file whose organ would be longer than this was written in mm, against the standard.
 _MOST_METRES = 10.0
@@ -122,29 +122,13 @@ def _gltf(path: Path) -> MeshFile:
 
 
 def _vtp(path: Path) -> MeshFile:
-    from cccd.geometry.mesh import vtk
+    import pyvista  # VTK takes a second to load
 
-    support, filters = vtk("util.numpy_support"), vtk("vtkFiltersCore")
-    reader = vtk("vtkIOXML").vtkXMLPolyDataReader()
-    reader.SetFileName(str(path))
-    triangles = filters.vtkTriangleFilter()
-    triangles.SetInputConnection(reader.GetOutputPort())
-    triangles.PassLinesOff()
-    triangles.PassVertsOff()
-    triangles.Update()
-    found = triangles.GetOutput()
-    if not found.GetNumberOfPolys():
-        return MeshFile(Mesh.empty())
-    vertices = support.vtk_to_numpy(found.GetPoints().GetData())
-    mesh = _merged(vertices, support.vtk_to_numpy(found.GetPolys().GetConnectivityArray()).reshape(-1, 3))
-    lps = any(_field_text(found, name).upper() == "LPS" for name in ("Space", "SPACE"))
+    found = cast(Any, pyvista).read(path, force_ext=".vtp").triangulate()
+    mesh = _merged(found.points, found.regular_faces)
+    said = [found.field_data[name] for name in ("Space", "SPACE") if name in found.field_data]
+    lps = any(str(texts[0]).upper() == "LPS" for texts in said if len(texts))
     return MeshFile(mesh.transformed(LPS_TO_RAS) if lps else mesh)
-
-
-def _field_text(data: Any, name: str) -> str:
-    """First text of an array of a data set's field data; empty where there is none."""
-    array = data.GetFieldData().GetAbstractArray(name)
-    return str(array.GetValue(0)) if array is not None and array.GetNumberOfTuples() else ""
 
 
 def _gifti(path: Path) -> MeshFile:

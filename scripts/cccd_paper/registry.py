@@ -19,16 +19,11 @@ unless ``tabulate`` names a function that makes more of them.
 
 from __future__ import annotations
 
+from cccd.settings.surface import FILE_KEYS
 from cccd_workflow.report.registry import Comparison, Input, Item
 
 #: Keys of the section ``surface`` that no comparison reads: they are about files.
-UNREAD = (
-    "surface.formats",
-    "surface.case_formats",
-    "surface.contour_spacing_mm",
-    "surface.step_tolerance_mm",
-    "surface.tetrahedra",
-)
+UNREAD = tuple(f"surface.{key}" for key in FILE_KEYS)
 
 #: What a comparison's function may ask for, by the name of its parameter.
 INPUTS = {

@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from cccd.errors import InputError
-from cccd.geometry.arrays import concatenate_ragged
+from cccd.files import COLOUR
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.plugins import COLOUR
 from cccd.surface.surface import LoftedSurface
 from cccd.tolerances import SOLID_VOLUME
 from cccd_solids.bodies import nest_pieces, split_bodies
@@ -94,7 +93,7 @@ def _of_splines(splines: Sequence[ControlMesh], tolerance: float) -> Solids:
     """Make bodies of control meshes; they are held against the limit surfaces, sampled as they are."""
     shells = [spline_shell_of(spline) for spline in splines]
     bodies = [[shells[n] for n in body] for body in nest_pieces([shell.mesh for shell in shells])]
-    limit = _together([shell.limit for shell in shells])
+    limit = Mesh.joined([shell.limit for shell in shells])
     return Solids.of(bodies, limit, tolerance, **_jumps(shells))
 
 
@@ -109,11 +108,6 @@ def _jumps(shells: Sequence[SplineShell]) -> dict[str, float]:
     }
 
 
-def _together(parts: Sequence[Mesh]) -> Mesh:
-    vertices, offsets = concatenate_ragged([part.vertices for part in parts], 3)
-    return Mesh(vertices, np.concatenate([part.faces + n for part, n in zip(parts, offsets, strict=False)]))
-
-
 def _follow(mesh: Mesh, share: float, tolerance: float, most_quads: int, most_facets: int) -> Shell:
     """Make a piece's shell of a spline, or else of facets; ``share`` is its part of the area."""
     spline = fit_within(mesh, tolerance, most_quads)
@@ -125,7 +119,7 @@ def _follow(mesh: Mesh, share: float, tolerance: float, most_quads: int, most_fa
 
 def _report(bodies: Sequence[Sequence[Shell]], mesh: Mesh, tolerance: float) -> dict[str, Any]:
     shells = [shell for body in bodies for shell in body]
-    whole = _together([shell.mesh for shell in shells])
+    whole = Mesh.joined([shell.mesh for shell in shells])
     deviation = measure_deviation(whole, mesh)
     return {
         "bodies": len(bodies),

@@ -13,16 +13,14 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from cccd.errors import InputError
 from cccd.extras import needing
-from cccd.geometry.arrays import FloatArray, IntArray
+from cccd.files import COLOUR
+from cccd.geometry.arrays import FloatArray, IntArray, connected_parts
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import DEGREE
-from cccd.plugins import COLOUR
 from cccd_solids.step_points import share_points
 
 #: Precision of vertices and edges in mm: faces share their points, so there is no more than rounding.
@@ -392,9 +390,8 @@ def read_solid_mesh(path: Path) -> tuple[FloatArray, IntArray]:
 def _snapped(points: FloatArray) -> FloatArray:
     """Move points (P, 3) that edges and faces compute apart, by rounding, to the first of them."""
     near = cKDTree(points).query_pairs(10 * PRECISION_MM, output_type="ndarray")
-    links = coo_array((np.ones(len(near), bool), near.T), shape=(len(points), len(points)))
-    count, group = connected_components(links, directed=False)
-    first = np.full(count, len(points))
+    group = connected_parts(near[:, 0], near[:, 1], len(points))
+    first = np.full(len(points), len(points))
     np.minimum.at(first, group, np.arange(len(points)))
     return points[first[group]]
 

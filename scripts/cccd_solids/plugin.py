@@ -5,7 +5,7 @@ from cccd.plugins import Format, Reader
 _SOLIDS = ("cccd_solids.files.write", "cad", "solids")
 
 READERS = dict.fromkeys(
-    (".step", ".stp", ".iges", ".igs", ".brep"), Reader("cccd_solids.kernel.read_solid_mesh")
+    (".step", ".stp", ".iges", ".igs", ".brep"), Reader("cccd_solids.kernel.read_solid_mesh", holds="mesh")
 )
 
 WRITERS = {

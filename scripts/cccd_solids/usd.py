@@ -5,16 +5,14 @@ Other programs evaluate the spline itself: `subdivisionScheme` is `catmullClark`
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from cccd.files import ExportOptions
+from cccd.files import COLOUR, ExportOptions
 from cccd.geometry.arrays import FloatArray, IntArray
-from cccd.plugins import COLOUR, NOTE
+from cccd.store import NOTE
 from cccd.surface.surface import LoftedSurface
 
 #: USD's colours are linear; ours are sRGB.
@@ -35,42 +33,29 @@ def write(path: Path, surface: LoftedSurface, options: ExportOptions) -> None:
     root.GetPrim().SetDisplayName(options.organ)
     stage.SetDefaultPrim(root.GetPrim())
     colour = gf.Vec3f(*(part**GAMMA for part in COLOUR))
-    for part in _parts(surface):
-        mesh = geom.Mesh.Define(stage, f"/surface/{part.name}")
-        points = np.ascontiguousarray(part.points, np.float32)
-        mesh.CreateSubdivisionSchemeAttr(part.scheme)
+
+    def add(name: str, scheme: str, vertices: FloatArray, faces: IntArray) -> Any:
+        mesh = geom.Mesh.Define(stage, f"/surface/{name}")
+        points = np.ascontiguousarray(vertices, np.float32)
+        mesh.CreateSubdivisionSchemeAttr(scheme)
         mesh.CreatePointsAttr(points)
         mesh.CreateExtentAttr(np.stack([points.min(axis=0), points.max(axis=0)]))
-        mesh.CreateFaceVertexCountsAttr(np.full(len(part.faces), part.faces.shape[1], np.int32))
-        mesh.CreateFaceVertexIndicesAttr(part.faces.ravel().astype(np.int32))
+        mesh.CreateFaceVertexCountsAttr(np.full(len(faces), faces.shape[1], np.int32))
+        mesh.CreateFaceVertexIndicesAttr(faces.ravel().astype(np.int32))
         mesh.CreateOrientationAttr(geom.Tokens.rightHanded)  # cavities are inside out by their faces
         mesh.CreateDisplayColorAttr([colour])
-        if len(part.creases):
-            mesh.CreateCreaseIndicesAttr(part.creases.ravel().astype(np.int32))
-            mesh.CreateCreaseLengthsAttr(np.full(len(part.creases), 2, np.int32))
-            mesh.CreateCreaseSharpnessesAttr(part.sharpness.astype(np.float32))
-    if not layer.Export(str(path)):
-        raise OSError(f"USD could not write {path}")
+        return mesh
 
-
-@dataclass(frozen=True, eq=False)
-class _Part:
-    """A mesh of the file."""
-
-    name: str
-    scheme: str
-    points: FloatArray
-    faces: IntArray
-    creases: IntArray
-    sharpness: FloatArray
-
-
-def _parts(surface: LoftedSurface) -> Iterator[_Part]:
     numbers = {1: 0, -1: 0}
     for body in surface.bodies:
         numbers[body.sign] += 1
         name = f"{'body' if body.sign > 0 else 'cavity'}_{numbers[body.sign]}"
-        yield _Part(name, "catmullClark", body.vertices, body.quads, body.creases, body.sharpness)
+        mesh = add(name, "catmullClark", body.vertices, body.quads)
+        if len(body.creases):
+            mesh.CreateCreaseIndicesAttr(body.creases.ravel().astype(np.int32))
+            mesh.CreateCreaseLengthsAttr(np.full(len(body.creases), 2, np.int32))
+            mesh.CreateCreaseSharpnessesAttr(body.sharpness.astype(np.float32))
     if not surface.bodies:
-        nothing: dict[str, Any] = {"creases": np.zeros((0, 2), np.int64), "sharpness": np.zeros(0)}
-        yield _Part("triangles", "none", surface.vertices, surface.faces, **nothing)
+        add("triangles", "none", surface.vertices, surface.faces)
+    if not layer.Export(str(path)):
+        raise OSError(f"USD could not write {path}")

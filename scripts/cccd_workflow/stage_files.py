@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from cccd.containers import Boundaries, Curves, FittedCurves, Frame, Sections, Splines, Structure
 from cccd.store import new_file, open_file, read_fields, read_structure, read_value, write_fields, write_value
+
+Found = TypeVar("Found")
+
+
+def by_organ(read: Callable[..., Found], *files: Iterable[str]) -> dict[str, Found]:
+    """Read a file, or several together, of each organ of a case: its folder is the organ's name."""
+    return {Path(own[0]).parent.name: read(*own) for own in zip(*files, strict=True)}
 
 
 def read_sections(contours: str | Path, structure: str | Path) -> Sections:

@@ -3,9 +3,8 @@
 import os
 import subprocess
 import sys
-from pathlib import Path
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+from support import SCRIPTS
 
 
 def python(code, *arguments, cwd=None, **environment):

@@ -4,8 +4,7 @@ from pathlib import Path
 
 from cccd_workflow.plan.cohort import StructureName
 from cccd_workflow.plan.plan import Plan
-
-ROOT = Path(__file__).parents[2]
+from support import ROOT
 
 
 def write_sheet(rows, name="sheet.tsv"):

@@ -23,8 +23,8 @@ from skimage.measure import find_contours
 from cccd.containers import Structure
 from cccd.inputs import Request, read_request
 from cccd.settings.imports import ImportSettings
+from support import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 DATA = ROOT.parent / "shared" / "data"
 #: What studies are referred to by, retired (PS3.6, annex A).
 STUDY_CLASS = "1.2.840.10008.3.1.2.3.1"
@@ -65,6 +65,11 @@ def row(**columns):
         "location": "cohort.tsv row 2",
         **columns,
     }
+
+
+def load(folder, changes=None, **columns):
+    """The structure of a row of a sheet in a folder; ``changes`` are those of the import's settings."""
+    return load_structure(row(**columns), folder, settings(**(changes or {})))
 
 
 def affine_of(spacing=(1.5, 1.2, 4.0), turn=(0.0, 0.0, 0.0), mirror=False, origin=(-30.0, 12.0, 7.0)):

@@ -5,9 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Curves, Frame, Sections, Structure
 from cccd.contours import trace_contours
 from cccd.settings.surface import LoftSettings
+from cccd.surface.loft import loft_surface
+from cccd.surface.surface import LoftedSurface
 
 SETTINGS = LoftSettings()
 
@@ -20,6 +22,10 @@ def structure_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0), affine: np.ndarray |
 
 def curves_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> Curves:
     return trace_contours(structure_of(mask, spacing))
+
+
+def lofted(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> LoftedSurface:
+    return loft_surface(Sections(curves_of(mask, spacing)), SETTINGS)
 
 
 def grid(*shape: int) -> np.ndarray:

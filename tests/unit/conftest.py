@@ -1,6 +1,9 @@
+import json
+
 import numpy as np
 import pytest
 
+from cccd.cli import main
 from cccd.containers import Curves, Frame
 from cccd.contours import trace_stack
 from cccd.geometry.arrays import concatenate_ragged
@@ -13,6 +16,32 @@ def here(tmp_path, monkeypatch):
     """A folder in which commands are typed."""
     monkeypatch.chdir(tmp_path)
     return tmp_path
+
+
+@pytest.fixture
+def refused(capsys):
+    """Types a command that ends with one line, which it returns."""
+
+    def type_command(*words):
+        capsys.readouterr()
+        assert main([str(word) for word in words]) == 1
+        (line,) = capsys.readouterr().err.splitlines()
+        assert line.startswith("Error: ")
+        return line
+
+    return type_command
+
+
+@pytest.fixture
+def answer(capsys):
+    """Types a command with ``--json``, and returns what it prints."""
+
+    def type_command(*words):
+        capsys.readouterr()
+        assert main([*map(str, words), "--json"]) == 0
+        return json.loads(capsys.readouterr().out)
+
+    return type_command
 
 
 @pytest.fixture

@@ -27,11 +27,11 @@ from cccd.geometry.distance import to_mask
 from cccd.geometry.mesh import Mesh
 from cccd.settings.root import Settings
 from cccd.store import write_control_meshes
-from cccd.surface.between import DISTANCES, Between, distance_table, least_distance
 from cccd.surface.loft import FACTOR
 from cccd.surface.surface import read_surface
 from cccd_calibration.readers import Pair, calibrate_readers
 from cccd_calibration.samples import draw_meshes
+from cccd_labels.between import DISTANCES, Between, distance_table, least_distance
 
 
 def body(axes, spacing):
@@ -151,30 +151,27 @@ def save(path, mask, affine):
     return path
 
 
-def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, capsys, monkeypatch):
+def test_the_command_prints_the_interval_and_writes_both_sides(tmp_path, answer, monkeypatch):
     monkeypatch.chdir(tmp_path)
     path = save(tmp_path / "ball.nii.gz", *body((12, 12, 12), (1, 1, 3)))
-    assert main(["surface", str(path), "-o", "ball.stl", "--band", "--json"]) == 0
-    (made,) = json.loads(capsys.readouterr().out)["surfaces"]
+    (made,) = answer("surface", path, "-o", "ball.stl", "--band")["surfaces"]
     assert made["volume_low_ml"] < made["volume_ml"] < made["volume_high_ml"]
     assert (made["band"], made["band_extrapolated"]) == (0.9, False)
     assert made["files"] == ["ball.stl", "ball_inner.stl", "ball_outer.stl"]
     assert all((tmp_path / name).is_file() for name in made["files"])
 
 
-def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys):
+def test_the_next_slice_is_the_middle_of_the_widest_gap(tmp_path, capsys, refused, answer):
     mask, affine = body((15, 15, 15), (1, 1, 1))
     kept = np.zeros_like(mask)
     kept[:, :, [4, 7, 10, 22, 25, 28]] = mask[:, :, [4, 7, 10, 22, 25, 28]]
     path = save(tmp_path / "drawn.nii.gz", kept, affine)
-    assert main(["next", str(path), "--annotated", "nonempty", "--json"]) == 0
-    slices = json.loads(capsys.readouterr().out)["slices"]
+    slices = answer("next", path, "--annotated", "nonempty")["slices"]
     assert slices[0] == {"slice": 16, "gap": 11}
     assert {one["slice"] for one in slices[1:]} == {5, 8, 23, 26}
     assert main(["next", str(path), "--annotated", "nonempty"]) == 0
     assert "annotate slice 16 next" in capsys.readouterr().out
-    assert main(["next", str(save(tmp_path / "ball.nii.gz", mask, affine))]) == 1
-    assert "no slice is left to draw" in capsys.readouterr().err
+    assert "no slice is left to draw" in refused("next", save(tmp_path / "ball.nii.gz", mask, affine))
 
 
 def sheet(folder, count, size=7):
@@ -188,9 +185,8 @@ def sheet(folder, count, size=7):
     return path
 
 
-def test_too_few_organs_are_refused_before_any_work(tmp_path, capsys):
-    assert main(["calibrate", str(sheet(tmp_path, 1)), "-o", str(tmp_path / "own.json")]) == 1
-    (line,) = capsys.readouterr().err.strip().splitlines()
+def test_too_few_organs_are_refused_before_any_work(tmp_path, refused):
+    line = refused("calibrate", sheet(tmp_path, 1), "-o", tmp_path / "own.json")
     assert "1 organ is too few to guarantee 90%" in line
     assert not (tmp_path / "own.json").exists()
 
@@ -262,7 +258,7 @@ def test_readers_that_differ_by_known_lengths_give_those_lengths(tmp_path):
     assert Reader.of(str(tmp_path / "readers.json")) == reader
 
 
-def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
+def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys, refused):
     table, out = tmp_path / "pairs.tsv", tmp_path / "readers.json"
     affine, rows = np.eye(4), ["first\tsecond"]
     away = np.linalg.norm(np.indices((20, 20, 20)) - 9.5, axis=0)
@@ -275,19 +271,14 @@ def test_pairs_of_masks_make_a_file_that_is_used(tmp_path, capsys):
     assert main(given) == 0
     assert "10 pairs of readers, 10 organs" in capsys.readouterr().out
     assert 1.9 < Reader.of(str(out)).at(0.9)[0] < 2.3  # ten organs alone tell it with room to spare
-
-    def refused():
-        assert main(given) == 1
-        return capsys.readouterr().err
-
     save(tmp_path / "b0.nii.gz", away <= 6, np.diag([1, 1, 2, 1.0]))
-    assert "pairs.tsv row 2: a0.nii.gz: the two masks are not on the same grid" in refused()
+    assert "pairs.tsv row 2: a0.nii.gz: the two masks are not on the same grid" in refused(*given)
     save(tmp_path / "b0.nii.gz", away < 0, affine)
-    assert "pairs.tsv row 2: b0.nii.gz: the mask is empty" in refused()
+    assert "pairs.tsv row 2: b0.nii.gz: the mask is empty" in refused(*given)
     (tmp_path / "b0.nii.gz").unlink()
-    assert "pairs.tsv row 2: there is no mask b0.nii.gz" in refused()
+    assert "pairs.tsv row 2: there is no mask b0.nii.gz" in refused(*given)
     table.write_bytes(b"first\tsecond\n\xff\xfe")
-    assert "pairs.tsv: not UTF-8 text" in refused()
+    assert "pairs.tsv: not UTF-8 text" in refused(*given)
 
 
 #: Widths of a file that are no lengths, or not as many as it has others.
@@ -326,7 +317,7 @@ def test_samples_lie_within_the_band_as_often_as_it_says(ellipsoid):
     assert np.diff(volumes) / np.diff(ellipsoid[2].volume_interval) == pytest.approx(1, abs=0.45)
 
 
-def test_the_command_writes_samples_into_a_folder(tmp_path, capsys):
+def test_the_command_writes_samples_into_a_folder(tmp_path, capsys, refused):
     path = save(tmp_path / "ball.nii.gz", *body((12, 12, 12), (1, 1, 3)))
     given = ["surface", str(path), "-o", f"{tmp_path}/out/", "--json", "--samples"]
     assert main([*given, "3"]) == 0
@@ -334,5 +325,4 @@ def test_the_command_writes_samples_into_a_folder(tmp_path, capsys):
     names = sorted(file.stem for file in (tmp_path / "out").iterdir())
     assert names == ["ball", "ball_1", "ball_2", "ball_3"]
     assert set(made["intervals"]) == {"volume_ml", "area_mm2", "diameter_mm"}
-    assert main([*given, "0"]) == 1
-    assert "0 surfaces cannot be drawn" in capsys.readouterr().err
+    assert "0 surfaces cannot be drawn" in refused(*given, "0")

@@ -2,12 +2,11 @@ import textwrap
 from pathlib import Path
 
 import pytest
-from support import fresh
+from support import SCRIPTS, fresh
 
 from cccd.plugins import folders, table
 from cccd_workflow.dependencies import imported_files
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
 LIBRARIES = folders()
 
 

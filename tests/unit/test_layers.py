@@ -7,14 +7,11 @@ import shutil
 import subprocess
 import sys
 from graphlib import TopologicalSorter
-from pathlib import Path
 
 import pytest
+from support import SCRIPTS
 
 from cccd import plugins
-
-ROOT = Path(__file__).parents[2]
-SCRIPTS = ROOT / "scripts"
 
 #: Which packages each may import beside the core, without "cccd_". What they add to the core, they register.
 PACKAGES = {

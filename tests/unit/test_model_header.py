@@ -1,6 +1,6 @@
-from pathlib import Path
-
 import pytest
+from support import ROOT
+from support.refusals import refusal
 
 from cccd.errors import InputError
 from cccd_junctions.checkpoint import load_model, save_model
@@ -10,7 +10,7 @@ from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.network import PaperNetwork
 
 FITTING = {"width": 8, "message_layers": 2}
-MODELS = Path(__file__).parents[2] / "workflow" / "models"
+MODELS = ROOT / "workflow" / "models"
 
 
 @pytest.fixture
@@ -31,10 +31,9 @@ def test_a_file_says_whose_it_is_and_loads(files, name):
 
 @pytest.mark.parametrize(("name", "other"), [("ours", "paper"), ("paper", "ours")])
 def test_the_other_networks_file_is_refused_in_one_line(files, name, other):
-    with pytest.raises(InputError) as error:
-        check_model(files / f"{name}.pt", other)
-    assert f"{name}.pt" in str(error.value)
-    assert f"set gnn.network to {name}" in str(error.value)
+    line = refusal(check_model, files / f"{name}.pt", other)
+    assert f"{name}.pt" in line
+    assert f"set gnn.network to {name}" in line
 
 
 def test_the_shipped_files_are_read():
@@ -43,23 +42,13 @@ def test_the_shipped_files_are_read():
     assert isinstance(load_model(MODELS / "paper.pt"), PaperNetwork)
 
 
-@pytest.mark.parametrize("content", [b"not a model", b""])
-def test_a_file_that_is_no_model_is_named(tmp_path, content):
-    path = tmp_path / "model.pt"
-    path.write_bytes(content)
-    for read in (read_header, load_model):
-        with pytest.raises(InputError, match=r"model\.pt"):
-            read(path)
-
-
 @pytest.mark.parametrize(("key", "other"), [("width", 16), ("message_layers", 1)])
 def test_a_start_that_would_lose_weights_is_refused(files, key, other):
     check_start(files / "ours.pt", NetworkSettings(**FITTING))
     check_start(files / "ours.pt", NetworkSettings(**FITTING | {"message_layers": 3}))
     with pytest.raises(InputError, match=f"set gnn.{key}"):
         check_start(files / "ours.pt", NetworkSettings(**FITTING | {key: other}))
-    with pytest.raises(InputError, match=r"gnn\.network"):
-        check_start(files / "ours.pt", NetworkSettings(network="paper"))
+    assert "gnn.network" in refusal(check_start, files / "ours.pt", NetworkSettings(network="paper"))
 
 
 def test_a_start_of_widths_that_cannot_be_set_is_refused(tmp_path):

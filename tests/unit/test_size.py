@@ -1,14 +1,11 @@
 """Breadth is what makes a program hard to read: each package's lines have a limit, and limits only fall."""
 
-from pathlib import Path
-
 import pytest
-
-ROOT = Path(__file__).parents[2]
+from support import ROOT
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 14713,
+    "scripts/cccd": 14403,
     "scripts/cccd_calibration": 1212,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,

@@ -4,11 +4,10 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
+from support import ROOT
 
-ROOT = Path(__file__).resolve().parents[2]
 PYTHON = os.environ.get("CCCD_SLICER_PYTHON")
 
 pytestmark = pytest.mark.skipif(not PYTHON, reason="CCCD_SLICER_PYTHON names no Python with slicer-core")

@@ -1,20 +1,18 @@
 """A user's ten lines, as type checkers see them, and what people have in memory."""
 
-import os
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
 import SimpleITK
+from support import ROOT
 
 import cccd
 from cccd.inputs.in_memory import array_of
 
-ROOT = Path(__file__).parents[2]
 LINES = """
 import nibabel
 import numpy as np
@@ -46,28 +44,6 @@ def test_a_type_checker_sees_types_and_a_wrong_word(tmp_path):
     assert 'is "Path"' in said
     assert 'Type of "surfaces[0].area" is "float"' in said
     assert re.search(r'No parameter named "affin".*\n1 error', said)
-
-
-#: What others declare is left alone, which takes most of a minute to read.
-MYPY = """
-[mypy]
-follow_imports = skip
-ignore_missing_imports = true
-[mypy-cccd,cccd.*,cccd_labels.*]
-follow_imports = silent
-"""
-
-
-def test_mypy_sees_the_same(tmp_path):
-    pytest.importorskip("mypy", reason="envs/checks.txt")
-    (tmp_path / "lines.py").write_text(LINES)
-    (tmp_path / "mypy.ini").write_text(MYPY)
-    command = [sys.executable, "-m", "mypy", "--cache-dir", tmp_path, "lines.py"]
-    surroundings = os.environ | {"MYPYPATH": str(ROOT / "scripts")}
-    run = subprocess.run(command, cwd=tmp_path, env=surroundings, capture_output=True, text=True, check=False)
-    seen = [line.split('"')[1] for line in run.stdout.splitlines() if "Revealed type" in line]
-    assert seen == ["cccd.api.Surface", "float", "pathlib.Path", "float"]
-    assert 'Unexpected keyword argument "affin"' in run.stdout
 
 
 def ball():

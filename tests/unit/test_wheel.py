@@ -7,13 +7,12 @@ import subprocess
 import sys
 import tomllib
 import zipfile
-from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
+from support import ROOT
 
-ROOT = Path(__file__).parents[2]
 PARTS = (
     "pyproject.toml",
     "README.md",

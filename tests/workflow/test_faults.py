@@ -11,12 +11,12 @@ import nibabel
 import numpy as np
 import pytest
 import SimpleITK
+from support import ROOT
 
 from cccd import store
 from cccd.errors import InputError
 from cccd_workflow import stage_files
 
-ROOT = Path(__file__).parents[2]
 BOUNDARIES = [f"results/tiny/{organ}/boundaries.h5" for organ in ("sphere", "two_spheres")]
 
 #: Loaded by every Python: each rule's first job gets a signal just before its output gets its name.

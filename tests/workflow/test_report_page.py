@@ -9,13 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from PIL import Image
-from support import sample_results
+from support import ROOT, sample_results
 
 from cccd.store import write_json
 from cccd_workflow.report.page import build_report
 from cccd_workflow.report.structure_view import build_structure_page
 
-ROOT = Path(__file__).parents[2]
 playwright = pytest.importorskip("playwright.sync_api", reason="playwright is not installed")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 pytestmark = pytest.mark.skipif(CHROMIUM is None, reason="no chromium on this machine")

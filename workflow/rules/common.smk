@@ -37,6 +37,7 @@ from cccd_workflow.plan.resources import memory, minutes
 from cccd_workflow.report.registry import registered
 from cccd_segmentation.networks import networks
 from cccd.plugins import formats
+from cccd.settings.surface import EXPORT_KEYS, FILE_KEYS
 from cccd_datasets import PHANTOM_DISTANCES_MM, PHANTOM_ORGANS
 from cccd.errors import nearest
 

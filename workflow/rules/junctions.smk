@@ -46,7 +46,7 @@ if plan.junctions.trained:
             mem_mb=memory(4000),
             runtime=minutes(60),
         params:
-            library=library("train_gnn", *plan.junctions.training_code),
+            library=library("train_gnn", *plan.junctions.code(training=True)),
             settings=leave(
                 "gnn",
                 "pretrained",
@@ -79,7 +79,7 @@ else:
             mem_mb=memory(1000),
             runtime=minutes(5),
         params:
-            library=library("adopt_gnn", *plan.junctions.code),
+            library=library("adopt_gnn", *plan.junctions.code()),
         script:
             "../../scripts/adopt_gnn.py"
 
@@ -102,7 +102,7 @@ rule evaluate_gnn:
         mem_mb=memory(3000),
         runtime=minutes(30),
     params:
-        library=library("evaluate_gnn", *plan.junctions.paper_training_code),
+        library=library("evaluate_gnn", *plan.junctions.code(paper=True, training=True)),
         names=list(plan.junctions.compared),
         settings=pick("gnn", "test_maps"),
         seed=config["seed"],

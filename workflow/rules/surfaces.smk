@@ -1,16 +1,7 @@
 """Surfaces: contours -> closed spline surface -> meshes for viewers and CAD."""
 
 #: What of the section decides on each organ alone.
-LOFTING = leave(
-    "surface",
-    "formats",
-    "case_formats",
-    "contour_spacing_mm",
-    "keep_patient",
-    "step_tolerance_mm",
-    "tetrahedra",
-    "shared_walls",
-)
+LOFTING = leave("surface", *FILE_KEYS)
 
 #: Cases whose organs share their walls.
 SHARING = [(case,) for case in cohort.shared]
@@ -124,13 +115,7 @@ rule export_file:
         runtime=minutes(30),
     params:
         library=lambda wildcards: plan.export_library([wildcards.exported]),
-        settings=pick(
-            "surface",
-            "contour_spacing_mm",
-            "keep_patient",
-            "step_tolerance_mm",
-            "tetrahedra",
-        ),
+        settings=pick("surface", *EXPORT_KEYS),
     script:
         "../../scripts/export_surface.py"
 
@@ -147,13 +132,7 @@ if plan.exports:
             "benchmarks/{case}/{organ}/export_surface.tsv"
         params:
             library=plan.export_library(plan.exports),
-            settings=pick(
-                "surface",
-                "contour_spacing_mm",
-                "keep_patient",
-                "step_tolerance_mm",
-                "tetrahedra",
-            ),
+            settings=pick("surface", *EXPORT_KEYS),
 
 
 rule fill_case:

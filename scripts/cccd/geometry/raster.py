@@ -153,26 +153,6 @@ def voxelise(
     return winding < 0 if mirrored else winding > 0
 
 
-def block_of(
-    mesh: Mesh, affine: FloatArray, shape: tuple[int, int, int]
-) -> tuple[IntArray, tuple[int, int, int]]:
-    """First voxel (3,) and shape of the block of a grid (affine (4, 4), shape) that a mesh reaches."""
-    index = np.linalg.solve(affine[:3, :3], (mesh.vertices - affine[:3, 3]).T).T
-    low = np.clip(np.floor(index.min(axis=0)).astype(np.int64), 0, shape)
-    high = np.clip(np.ceil(index.max(axis=0)).astype(np.int64) + 1, low, shape)
-    a, b, c = (int(size) for size in high - low)
-    return low, (a, b, c)
-
-
-def voxels_within(mesh: Mesh, affine: FloatArray, shape: tuple[int, int, int]) -> IntArray:
-    """Flat indices (N,) of the voxels of a grid whose centres a closed mesh holds; see `voxelise`."""
-    low, size = block_of(mesh, affine, shape)
-    if 0 in size:
-        return np.zeros(0, np.int64)
-    inside = np.argwhere(voxelise(mesh, affine, size, low)) + low
-    return np.asarray(np.ravel_multi_index(tuple(inside.T), shape), np.int64)
-
-
 def _add_crossings(index: FloatArray, faces: IntArray, crossings: npt.NDArray[np.int8]) -> None:
     """Mark where the lines along the third axis pass through the triangles: 1 where they enter, -1 after."""
     na, nb, nc = crossings.shape

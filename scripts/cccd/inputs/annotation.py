@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
@@ -177,10 +176,3 @@ def fill_mask(structure: Structure, mesh: Mesh, whole: bool = False) -> BoolArra
         planes, at = np.moveaxis(filled, frame.slice_axis, 0), annotation.slices - origin[frame.slice_axis]
         planes[at] = np.moveaxis(drawn, frame.slice_axis, 0)[at]
     return filled
-
-
-def with_undrawn_filled(structure: Structure, mesh: Mesh) -> Structure:
-    """Structure with a mask on every slice: of its surface, a closed mesh in mm RAS, where none was drawn."""
-    if structure.annotation is None:
-        return structure
-    return replace(structure, mask=fill_mask(structure, mesh), annotation=None)

@@ -14,7 +14,7 @@ from cccd.file_headers import dicom_modality, is_object, object_in
 from cccd.inputs.annotation import AUTO, NONEMPTY, RULES
 from cccd.inputs.labels import image_without_mask
 from cccd.inputs.load import existing
-from cccd.inputs.readers import SUFFIXES, is_zarr, without_suffix
+from cccd.inputs.readers import reader_of, volume_suffix, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
 
@@ -112,7 +112,7 @@ def check_rule(annotated: str) -> str:
 
 def name_of(path: Path) -> str:
     """Return a file's name without the suffix of its format, a folder's as it is."""
-    if path.is_dir() and not is_zarr(path):
+    if path.is_dir() and reader_of(path) is None:
         return path.name
     plain = without_suffix(path.name)
     return path.stem if plain is None else plain
@@ -131,14 +131,14 @@ def holds_series(folder: Path) -> bool:
 
 def _is_image(path: Path) -> bool:
     """Whether a path is a DICOM image or series without a mask."""
-    if is_zarr(path):
+    if path.is_dir() and reader_of(path):
         return False
     if not path.is_dir():
         return dicom_modality(path) not in (None, "", *_OBJECTS)
     files = [file for file in path.rglob("*") if file.is_file()]
     if not files:
         raise InputError(path.name, "there is no file in this folder", "give a mask or a DICOM folder")
-    masks = any(file.name.lower().endswith(SUFFIXES) for file in path.iterdir())
+    masks = any(volume_suffix(file.name) for file in path.iterdir())
     return not masks and object_in(path) == path and any(dicom_modality(file) is not None for file in files)
 
 

@@ -10,7 +10,7 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -24,31 +24,39 @@ from cccd.errors import InputError
 from cccd.file_headers import named_files, read_header
 from cccd.geometry.arrays import AnyArray, FloatArray
 from cccd.inputs.grid import LPS_TO_RAS, Volume, check_affine, farthest_apart
-from cccd.plugins import find, table
+from cccd.plugins import Reader, find, own_rows, row, table
 
 if TYPE_CHECKING:
     import SimpleITK as sitk  # noqa: N813
 
-_NIFTI = (".nii.gz", ".nii", ".hdr", ".img", ".mgz", ".mgh")
 
-#: File endings of volumes, the most usual first.
-SUFFIXES = (*_NIFTI, ".seg.nrrd", ".nrrd", ".nhdr", ".mha", ".mhd")
+def volume_suffix(name: str) -> str:
+    """Return the suffix of a volume's file, the longest that a row of ``READERS`` has; empty for other files.
+
+    >>> volume_suffix("Liver.SEG.nrrd"), volume_suffix("liver.stl")
+    ('.seg.nrrd', '')
+    """
+    return _suffix_in(own_rows("READERS"), name) or _suffix_in(table("READERS"), name)
 
 
-#: Endings of folders that are one volume.
-_ZARR = (".ome.zarr", ".zarr")
-
-
-def is_zarr(path: Path) -> bool:
-    """Whether a path is that of a Zarr folder: by its name, or by what is in it."""
-    inside = ("zarr.json", ".zgroup", ".zarray")
-    return path.name.lower().endswith(_ZARR) or any((path / name).is_file() for name in inside)
+def _suffix_in(rows: Mapping[str, Reader], name: str) -> str:
+    known = (suffix for suffix, reader in rows.items() if reader.holds == "volume")
+    return max(filter(name.lower().endswith, known), key=len, default="")
 
 
 def without_suffix(name: str) -> str | None:
     """Return a volume's name without the suffix of its format; None for other files."""
-    suffix = next((suffix for suffix in (*SUFFIXES, *_ZARR) if name.lower().endswith(suffix)), None)
-    return None if suffix is None else name[: -len(suffix)]
+    suffix = volume_suffix(name)
+    return name[: -len(suffix)] if suffix else None
+
+
+def reader_of(path: Path) -> Reader | None:
+    """Return a volume's row of ``READERS``: by its name or, a folder's, by what is in it; None for others."""
+    named: Reader | None = row("READERS", volume_suffix(path.name))
+    if not path.is_dir() or (named and named.inside):
+        return named
+    rows = table("READERS").values()
+    return next((row for row in rows if any((path / name).is_file() for name in row.inside)), None)
 
 
 #: What people give in place of a volume, by its suffix, and what to give instead.
@@ -110,7 +118,7 @@ def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
 
 
 def read_volume(path: Path) -> Volume:
-    """Read a volume from one file, by its name: nibabel for NIfTI, Analyze and MGH, SimpleITK for all else.
+    """Read a volume from one file, by a row of ``READERS``; what has none is left to SimpleITK.
 
     Raises
     ------
@@ -121,14 +129,14 @@ def read_volume(path: Path) -> Volume:
     --------
     read_nifti, read_itk, cccd_formats.zarr_labels.read_zarr
     """
-    if is_zarr(path):
-        return find(table("READERS")["Zarr"].read)(path)
+    if reader := reader_of(path):
+        return find(reader.read)(path)
     if path.is_dir():
         raise InputError(path.name, "a folder, not a volume", "give one file")
     for suffix, (problem, hint) in _OTHERWISE.items():
         if path.name.lower().endswith(suffix):
             raise InputError(path.name, problem, hint)
-    return (read_nifti if path.name.lower().endswith(_NIFTI) else read_itk)(path)
+    return read_itk(path)
 
 
 def check_count(count: int, name: str, location: str) -> None:

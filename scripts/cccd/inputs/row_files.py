@@ -24,7 +24,7 @@ from cccd.inputs.labels import (
     refuse_grey_probabilities,
     refuse_grey_values,
 )
-from cccd.inputs.readers import SUFFIXES, is_zarr, read_volume, without_suffix
+from cccd.inputs.readers import read_volume, reader_of, volume_suffix, without_suffix
 from cccd.plugins import find, table
 from cccd.request import Request
 
@@ -39,11 +39,11 @@ _GIVE_MASKS = "give a label volume, or a folder of masks"
 
 
 def _is_folder_of_masks(path: Path) -> bool:
-    return path.is_dir() and not is_zarr(path)
+    return path.is_dir() and reader_of(path) is None
 
 
 def _is_dicom(path: Path) -> bool:
-    return path.is_file() and not path.name.lower().endswith(SUFFIXES) and dicom_modality(path) is not None
+    return path.is_file() and not volume_suffix(path.name) and dicom_modality(path) is not None
 
 
 def read_image(path: Path, source: str, fill_gaps: bool, referenced: str = "") -> Volume:

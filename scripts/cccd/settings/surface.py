@@ -12,6 +12,11 @@ from cccd.settings import OneOf, Section, setting, without_repeats
 _Format = Annotated[str, OneOf(lambda: (*formats(), *band_formats()))]
 _CaseFormat = Annotated[str, OneOf(lambda: (*formats("solids"), *formats("tetrahedra")))]
 
+#: Keys of `LoftSettings` that say how files of some formats are written,
+EXPORT_KEYS = ("contour_spacing_mm", "keep_patient", "step_tolerance_mm", "tetrahedra")
+#: and all that decide on files, not on an organ's surface, so that a change lofts and compares nothing again.
+FILE_KEYS = ("formats", "case_formats", "shared_walls", *EXPORT_KEYS)
+
 
 class TetrahedraSettings(Section):
     """How closed surfaces are filled with tetrahedra."""

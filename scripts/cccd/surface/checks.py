@@ -12,8 +12,7 @@ from scipy import ndimage
 from scipy.spatial import cKDTree
 
 from cccd.bands import Slices
-from cccd.containers import Structure
-from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, RealArray
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
@@ -80,51 +79,12 @@ def check_surface(mesh: Mesh, stack: SliceStack, pairs: IntArray | None = None) 
     return found + _of_other_volume(mesh, stack) + _of_other_topology(mesh, stack)
 
 
-def check_walls(mesh: Mesh, structure: Structure) -> list[str]:
-    """Find what is wrong with a surface whose walls are shared: lines for people.
-
-    It is closed, and nowhere further from the organ's voxels than their diagonal.
-
-    Parameters
-    ----------
-    mesh : Mesh
-        mm RAS.
-    structure : Structure
-        With the organ's mask; where only some slices are annotated, distances are not looked at.
-    """
-    found: list[Violation] = []
-    if not mesh.is_closed_manifold:
-        found.append(Violation("the surface is not a closed manifold"))
-    if structure.mask is not None and structure.annotation is None:
-        found += _off_voxels(mesh, structure.mask, structure.frame.affine, structure.origin)
-    return [violation.line(np.eye(4)) for violation in found]
-
-
 def crossing(mesh: Mesh, pairs: IntArray) -> list[Violation]:
     """Report pairs (K, 2) of triangles that pass through each other."""
     if not len(pairs):
         return []
     places = mesh.vertices[mesh.faces[pairs[:, 0]]].mean(axis=1)
     return [Violation(f"the surface intersects itself in {_counted(len(pairs), 'place')}, the first", places)]
-
-
-def _off_voxels(mesh: Mesh, mask: BoolArray, affine: FloatArray, origin: RealArray) -> list[Violation]:
-    """Find where the surface is further from a mask's voxels than their diagonal."""
-    index = np.linalg.solve(affine[:3, :3], (mesh.vertices - affine[:3, 3]).T).T - origin
-    cell = np.rint(index).astype(np.int64)
-    outside: BoolArray = np.asarray(((cell < 0) | (cell >= mask.shape)).any(axis=1), np.bool_)
-    outside[~outside] = ~mask[tuple(cell[~outside].T)]
-    border, beyond = np.argwhere(mask & ~ndimage.binary_erosion(mask)), index[outside]
-    nearest = cKDTree(border @ affine[:3, :3].T).query(beyond @ affine[:3, :3].T)[1]
-    aside = np.maximum(np.abs(beyond - border[nearest]) - 0.5, 0)  # from the voxel, not its centre
-    far = np.zeros(len(index))
-    far[outside] = np.linalg.norm(aside @ affine[:3, :3].T, axis=1)
-    most = float(np.linalg.norm(np.linalg.norm(affine[:3, :3], axis=0)))
-    if far.max(initial=0) <= most:
-        return []
-    order = np.argsort(-far, kind="stable")
-    text = f"the surface is {far.max():.2g} mm away from the organ's voxels, farthest"
-    return [Violation(text, mesh.vertices[order[far[order] > most]])]
 
 
 def lost_voxels(mesh: Mesh, stack: SliceStack) -> tuple[FloatArray, FloatArray]:

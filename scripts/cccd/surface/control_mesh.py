@@ -20,7 +20,7 @@ from cccd.tolerances import TINY
 #: Triangles that a fold turned over have at least this share of the median one's area in the end.
 LEAST_AREA = 0.01
 #: Moves that unfold it, at most: what folds after these has, as a rule, a rim that crosses itself.
-MOVES = 30
+MOVES = 100
 
 
 def unfold(points: FloatArray, sampler: Sampler, moving: BoolArray, normals: FloatArray) -> FloatArray:
@@ -174,17 +174,15 @@ def _cap(wall: ControlMesh, end: float, upwards: bool, count: int) -> tuple[Floa
     corners, rim = np.unique(np.column_stack([starts_at[middles], ends_at[middles]]), return_inverse=True)
     rim = rim.reshape(-1, 2)
     plane = wall.vertices[corners, :2]
-    added, triangles = fill_rim(plane if upwards else plane * [1, -1], rim)
-    inner = np.concatenate([plane, added if upwards else added * [1, -1]])
-    flat = Mesh(np.column_stack([inner, np.full(len(inner), end)]), triangles)
+    flat = Mesh(wall.vertices[corners], fill_rim(plane if upwards else plane * [1, -1], rim))
     points, quads, edges = split_to_quads(flat.vertices, *join_in_pairs(flat))
     number = np.full(len(points), -1)
     number[: len(corners)] = corners
-    keys = np.sort(rim, axis=1) @ [len(inner), 1]
+    keys = np.sort(rim, axis=1) @ [len(corners), 1]
     order = np.argsort(keys)
-    at = order[np.minimum(np.searchsorted(keys, edges @ [len(inner), 1], sorter=order), len(keys) - 1)]
-    known = keys[at] == edges @ [len(inner), 1]
-    number[len(inner) + np.flatnonzero(known)] = middles[at[known]]
+    at = order[np.minimum(np.searchsorted(keys, edges @ [len(corners), 1], sorter=order), len(keys) - 1)]
+    known = keys[at] == edges @ [len(corners), 1]
+    number[len(corners) + np.flatnonzero(known)] = middles[at[known]]
     new = number < 0
     points[~new] = wall.vertices[number[~new]]
     rims = open_edges(quads)

@@ -15,8 +15,8 @@ from cccd.containers import Frame
 from cccd.geometry.arrays import FloatArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
-from cccd.plugins import NOTE
 from cccd.store import (
+    NOTE,
     atomic_path,
     read_band,
     read_bodies,

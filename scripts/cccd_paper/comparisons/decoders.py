@@ -24,7 +24,7 @@ from cccd.contours import trace_stack
 from cccd.geometry._jit import jit
 from cccd_paper.comparisons.reconstruction.connect2d import connect2d
 from cccd_paper.comparisons.reconstruction.tour import tour
-from cccd_paper.junctions.grid import follow_chains
+from cccd_paper.junctions.grid import follow_chains, keep_two
 
 _FRAME = Frame(np.eye(4), 2, (1, 1, 1))
 _MARGIN = 3
@@ -244,45 +244,21 @@ def best_tree_cycle(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     tree = minimum_spanning_tree(coo_matrix((length, links.T), (len(points), len(points))).tocsr())
     order, parent = breadth_first_order(tree, 0, directed=False)
     # the area swept from the root to a node, so that a cycle's area is a difference of two
-    turn = np.zeros(len(points))
-    rest = order[1:]
-    above = points[parent[rest]]
-    step = (above[:, 0] * points[rest, 1] - above[:, 1] * points[rest, 0]) / 2
-    swept, depth = _from_root(order, parent, step, turn)
+    swept = np.zeros(len(points))
+    for node in order[1:]:
+        above = points[parent[node]]
+        swept[node] = swept[parent[node]] + (above[0] * points[node, 1] - above[1] * points[node, 0]) / 2
     a, b = links.T
     closing = (points[a, 0] * points[b, 1] - points[a, 1] * points[b, 0]) / 2
     area = np.abs(swept[a] + closing - swept[b])
     worth = area / (1 + (length / _GAP_PX) ** 2)
     best = int(np.argmax(worth))
-    return points[_tree_path(parent, depth, a[best], b[best])]
-
-
-@jit
-def _from_root(order, parent, step, swept):
-    depth = np.zeros(len(parent), np.int64)
-    for n in range(1, len(order)):
-        node = order[n]
-        swept[node] = swept[parent[node]] + step[n - 1]
-        depth[node] = depth[parent[node]] + 1
-    return swept, depth
-
-
-@jit
-def _tree_path(parent, depth, one, other):
-    first = np.empty(len(parent), np.int64)
-    second = np.empty(len(parent), np.int64)
-    n = m = 0
-    while one != other:
-        if depth[one] >= depth[other]:
-            first[n] = one
-            n += 1
-            one = parent[one]
-        else:
-            second[m] = other
-            m += 1
-            other = parent[other]
-    first[n] = one
-    return np.concatenate((first[: n + 1], second[:m][::-1]))
+    # rooted at one end of the link, the tree leads from the other along the cycle
+    _, towards = breadth_first_order(tree, a[best], directed=False)
+    cycle = [b[best]]
+    while cycle[-1] != a[best]:
+        cycle.append(towards[cycle[-1]])
+    return points[cycle[::-1]]
 
 
 def connected_complex(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
@@ -290,35 +266,6 @@ def connected_complex(pixels: np.ndarray, seed: np.ndarray) -> np.ndarray:
     links = connect2d(pixels.astype(float))
     if len(links) < 3:
         return pixels[:0]
-    return pixels[_longest_loop(len(pixels), links)]
-
-
-@jit
-def _longest_loop(count, links):
-    """Order of points along the longest chain of links that no junction interrupts."""
-    beside = np.full((count, 2), -1, np.int64)
-    for n in range(len(links)):
-        a, b = links[n]
-        for one, other in ((a, b), (b, a)):
-            if beside[one, 0] < 0:
-                beside[one, 0] = other
-            elif beside[one, 1] < 0:
-                beside[one, 1] = other
-    done = np.zeros(count, np.bool_)
-    best = np.empty(0, np.int64)
-    chain = np.empty(count, np.int64)
-    for start in range(count):
-        if done[start] or beside[start, 0] < 0:
-            continue
-        length, here = 0, start
-        while here >= 0 and not done[here]:
-            done[here] = True
-            chain[length] = here
-            length += 1
-            ahead = beside[here, 0]
-            if ahead < 0 or done[ahead]:
-                ahead = beside[here, 1]
-            here = ahead
-        if length > len(best):
-            best = chain[:length].copy()
-    return best
+    kept = links[keep_two(links, np.ones(len(links)), len(pixels))]
+    chains, _ = follow_chains(kept, len(pixels))
+    return pixels[max(chains, key=len)]

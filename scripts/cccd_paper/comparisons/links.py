@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from cccd.geometry.arrays import connected_parts
+from cccd_paper.junctions.grid import follow_chains
 
 
 @dataclass(frozen=True)
@@ -81,17 +82,8 @@ def closed_order(links: np.ndarray, n_points: int) -> np.ndarray:
     """
     if not count_links(links, n_points).closed:
         raise ValueError("the links are not one closed curve")
-    ends = np.concatenate([links, links[:, ::-1]])
-    ends = ends[np.lexsort(ends.T[::-1])]
-    used = ends[::2, 0]
-    neighbours = dict(zip(used.tolist(), ends[:, 1].reshape(-1, 2).tolist(), strict=True))
-    order = [int(used[0])]
-    previous, here = order[0], neighbours[order[0]][0]
-    while here != order[0]:
-        order.append(here)
-        one, other = neighbours[here]
-        previous, here = here, one if other == previous else other
-    return np.array(order)
+    (order,), _ = follow_chains(links, n_points)
+    return order
 
 
 def enclosed_region(

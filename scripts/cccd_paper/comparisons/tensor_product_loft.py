@@ -162,14 +162,8 @@ def _closed(sheet: FloatArray, ends: FloatArray) -> Mesh:
     a, b = number[:-1], np.roll(number[:-1], -1, axis=1)
     c, d = np.roll(number[1:], -1, axis=1), number[1:]
     faces = [np.stack([a, b, c], axis=-1).reshape(-1, 3), np.stack([a, c, d], axis=-1).reshape(-1, 3)]
-    vertices, count = [sheet.reshape(-1, 3)], rows * around
     rim = np.column_stack([np.arange(around), np.roll(np.arange(around), -1)])
     for row, plane, upwards in ((0, ends[0], False), (-1, ends[1], True)):
-        added, triangles = fill_rim(plane, rim)
-        # the cap's own points, in the plane spanned by its rim
-        frame = np.linalg.lstsq(np.column_stack([plane, np.ones(around)]), sheet[row], rcond=None)[0]
-        vertices.append(np.column_stack([added, np.ones(len(added))]) @ frame)
-        own = np.concatenate([number[row], count + np.arange(len(added))])[triangles]
+        own = number[row][fill_rim(plane, rim)]
         faces.append(own if upwards else own[:, ::-1])
-        count += len(added)
-    return Mesh(np.concatenate(vertices), np.concatenate(faces)).outwards()
+    return Mesh(sheet.reshape(-1, 3), np.concatenate(faces)).outwards()

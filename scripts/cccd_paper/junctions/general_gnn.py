@@ -12,7 +12,7 @@ from collections import OrderedDict
 import torch
 from torch import Tensor, nn
 
-from cccd_junctions.layers import EquationEleven, Incidence
+from cccd_junctions.layers import EquationEleven
 
 #: Defaults of Spektral's `GeneralGNN`.
 CHANNELS, MESSAGE_PASSING, PRE_PROCESS, POST_PROCESS = 256, 4, 2, 2
@@ -83,12 +83,8 @@ class GeneralGNN(nn.Module):
         self.width_out = channels * (message_passing + 1)
 
     def forward(self, x: Tensor, edge_index: Tensor) -> Tensor:
-        """States (N, ``width_out``) of nodes with features (N, F).
-
-        ``edge_index`` (2, E) stands receiver by receiver.
-        """
-        received = Incidence.of_owners(edge_index[1], len(x))
+        """States (N, ``width_out``) of nodes with features (N, F) and edges (2, E)."""
         out = self.pre(x)
         for layer in self.layers:
-            out = torch.cat([layer(out, edge_index, received=received), out], dim=1)
+            out = torch.cat([layer(out, edge_index), out], dim=1)
         return out

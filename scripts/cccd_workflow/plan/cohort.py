@@ -8,7 +8,7 @@ import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol
 
 from cccd.errors import InputError, nearest
 from cccd.file_headers import dicom_modality, object_in, voxel_files
@@ -44,20 +44,6 @@ class OfStructure(OfCase, Protocol):
     @property
     def organ(self) -> str:
         """The sheet's column ``organ``."""
-        ...
-
-
-class OfDownload(Protocol):
-    """Wildcards of a file that is fetched."""
-
-    @property
-    def key(self) -> str:
-        """Name of its folder."""
-        ...
-
-    @property
-    def file(self) -> str:
-        """Its own name."""
         ...
 
 
@@ -247,7 +233,7 @@ class PlannedCohort:
         there = {near(path) for path in paths if path.exists() and path.stat().st_mtime <= time.time()}
         return sorted(there | ({near(path) for path in named} & self.remote.keys()))
 
-    def remote_file(self, wildcards: OfDownload) -> RemoteFile:
+    def remote_file(self, wildcards: Any) -> RemoteFile:
         """Return what a download's path is fetched from.
 
         Raises

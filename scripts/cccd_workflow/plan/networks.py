@@ -20,9 +20,6 @@ from cccd_workflow.plan.cohort import PlannedCohort, near
 #: The junction network in use.
 MODEL = "results/gnn/model.pt"
 
-#: Tables in which a training finds a network (`cccd.plugins`).
-_TRAINING = ("JUNCTION_NETWORKS", "JUNCTION_TRAINING")
-
 
 def find_file(name: str, root: Path) -> Path:
     """Find a file that the configuration names.
@@ -118,25 +115,14 @@ class JunctionPlan:
         """What the report reads of the network's scores."""
         return ["results/tables/junctions.csv"] if self.scored else []
 
-    @property
-    def code(self) -> list[str]:
-        """Paths of the code that another package adds for this network (`cccd.plugins`); of ours none."""
-        return _added_code(self.network, "JUNCTION_NETWORKS")
+    def code(self, *, paper: bool = False, training: bool = False) -> list[str]:
+        """Paths of the code that another package adds for this network, or the paper's; of ours none.
 
-    @property
-    def training_code(self) -> list[str]:
-        """The same, with what trains it."""
-        return _added_code(self.network, *_TRAINING)
-
-    @property
-    def paper_code(self) -> list[str]:
-        """Path of the code of the paper's network, whichever orders."""
-        return _added_code("paper", "JUNCTION_NETWORKS")
-
-    @property
-    def paper_training_code(self) -> list[str]:
-        """The same, with what trains it."""
-        return _added_code("paper", *_TRAINING)
+        With ``training`` also of what trains it (`cccd.plugins`).
+        """
+        network = "paper" if paper else self.network
+        tables = map(table, ("JUNCTION_NETWORKS", "JUNCTION_TRAINING")[: 1 + training])
+        return [rows[network] for rows in tables if network in rows]
 
 
 def _is_trained(settings: Settings, gnn: NetworkSettings, cohort: PlannedCohort, root: Path) -> bool:
@@ -163,10 +149,6 @@ def _model_files(key: str, name: str | None, root: Path) -> tuple[str, ...]:
         hint = "name a model.pt, from here or from the project's folder"
         raise InputError(f"config key gnn.{key}", f"there is no file {name}", hint)
     return (near(path),)
-
-
-def _added_code(network: str, *tables: str) -> list[str]:
-    return [table(name)[network] for name in tables if network in table(name)]
 
 
 @dataclass(frozen=True)

@@ -223,7 +223,7 @@ class Plan:
 
     def import_library(self, wildcards: OfStructure) -> str:
         """Digest the code that leads to a structure's contours, with the network that orders them."""
-        classes = self.junctions.code if self.model_files(wildcards) else []
+        classes = self.junctions.code() if self.model_files(wildcards) else []
         return self.library("import_structure", self.contour_function(wildcards), *classes, *self.readers)
 
     # Surfaces, and files of whole cases.
@@ -316,9 +316,9 @@ class Plan:
         shipped = any(one.shipped for one in given)
         classes = [network.build for network in networks().values()] if shipped else []
         if any("gnn/model.pt" in one.files for one in given):
-            classes += self.junctions.code
+            classes += self.junctions.code()
         if any(one.project for one in given):
-            classes += self.junctions.paper_code
+            classes += self.junctions.code(paper=True)
         functions = dict.fromkeys(function for comparison in together for function in comparison.functions)
         return self.library("compare_structure", *functions, *classes)
 

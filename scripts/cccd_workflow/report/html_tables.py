@@ -96,7 +96,6 @@ class Table:
     key: str
     columns: list[TableColumn]
     rows: list[list[Cell]]
-    file: str
 
 
 def words(name: str) -> tuple[str, str]:
@@ -166,4 +165,4 @@ def table(key: str, frame: pd.DataFrame | None, links: Iterable[str | None] = ()
         ]
         for row, link in zip(frame.astype(object).itertuples(index=False, name=None), targets, strict=True)
     ]
-    return Table(key, columns, rows, f"{key}.csv")
+    return Table(key, columns, rows)

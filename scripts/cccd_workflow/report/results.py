@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from cccd import store
 from cccd_networks.graphs import GraphSplit, read_graph_facts, read_graphs
@@ -18,8 +18,17 @@ if TYPE_CHECKING:
 Found = TypeVar("Found")
 
 
-def _if_there(read: Callable[..., Found], *files: Path) -> Found | None:
-    return read(*files) if all(file.is_file() for file in files) else None
+def _if_there(read: Callable[[Path], Found], file: Path) -> Found | None:
+    return read(file) if file.is_file() else None
+
+
+def _read_from(name: str, read: Callable[[Path], Found]):
+    """Make a method that reads a file of a structure."""
+
+    def method(self: StructureFiles) -> Found | None:
+        return _if_there(read, self.folder / name)
+
+    return method
 
 
 class StructureFiles:
@@ -29,50 +38,20 @@ class StructureFiles:
         self.folder = folder
         self.picture = folder / "picture.png"
 
-    def metrics(self) -> dict[str, Any] | None:
-        """Read everything measured on it."""
-        return _if_there(store.read_json, self.folder / "metrics.json")
-
-    def structure(self):
-        """Read the image and the mask."""
-        return _if_there(store.read_structure, self.folder / "structure.h5")
-
-    def facts(self):
-        """Read the frame, the provenance and the warnings."""
-        return _if_there(stage_files.read_structure_facts, self.folder / "structure.h5")
-
-    def boundaries(self):
-        """Read the boundary's pixels."""
-        return _if_there(stage_files.read_boundaries, self.folder / "boundaries.h5")
-
-    def curves(self):
-        """Read the ordered curves."""
-        return _if_there(stage_files.read_curves, self.folder / "curves.h5")
-
-    def splines(self):
-        """Read the closed splines."""
-        return _if_there(stage_files.read_splines, self.folder / "curves.h5")
-
-    def corners(self):
-        """Read the corner points and their offsets."""
-        return _if_there(stage_files.read_corners, self.folder / "curves.h5")
-
-    def bodies(self):
-        """Read the surface's closed splines; one whose walls are shared has none."""
-        return _if_there(store.read_bodies, self.folder / "surface.h5")
-
-    def view(self):
-        """Read the small meshes and what colours them."""
-        return _if_there(read_view, self.folder / "view.h5")
-
-    def rows(self, name: str) -> pd.DataFrame | None:
-        """Read the rows of a comparison."""
-        return store.read_table(self.folder / "comparisons" / f"{name}.csv")
+    metrics = _read_from("metrics.json", store.read_json)
+    structure = _read_from("structure.h5", store.read_structure)
+    facts = _read_from("structure.h5", stage_files.read_structure_facts)
+    boundaries = _read_from("boundaries.h5", stage_files.read_boundaries)
+    curves = _read_from("curves.h5", stage_files.read_curves)
+    splines = _read_from("curves.h5", stage_files.read_splines)
+    corners = _read_from("curves.h5", stage_files.read_corners)
+    bodies = _read_from("surface.h5", store.read_bodies)  # none where walls are shared
+    view = _read_from("view.h5", read_view)
 
     def figure(self, comparison: str, key: str) -> SliceFigure | None:
         """Read what a comparison left for a figure."""
         file = self.folder / "comparisons" / f"{comparison}.h5"
-        return read_figure(file, key) if file.is_file() else None
+        return _if_there(lambda path: read_figure(path, key), file)
 
 
 class Results:
@@ -96,7 +75,6 @@ class Results:
         self.folder = folder
         self.structures = structures
         self._tables: dict[str, pd.DataFrame | None] = dict(tables or {})
-        self._rows: dict[str, pd.DataFrame | None] = {}
 
     @property
     def history(self) -> pd.DataFrame | None:
@@ -116,15 +94,11 @@ class Results:
 
     def rows(self, comparison: Comparison) -> pd.DataFrame | None:
         """Read the rows of a comparison of all structures; None also where its columns are not all there."""
-        if comparison.name not in self._rows:
-            import pandas as pd  # slow to load, and a structure's page has no tables
+        from cccd_workflow.report.summary import read_cohort  # slow, and a structure's page has no tables
 
-            parts = [self.files(*key).rows(comparison.name) for key in self.structures]
-            parts = [part for part in parts if part is not None]
-            frame = pd.concat(parts, ignore_index=True) if parts else None
-            whole = frame is not None and set(comparison.columns).issubset(frame.columns)
-            self._rows[comparison.name] = frame if whole else None
-        return self._rows[comparison.name]
+        folders = (self.folder.joinpath(*key, "comparisons") for key in self.structures)
+        frame = read_cohort(folder / f"{comparison.name}.csv" for folder in folders).rows(comparison.name)
+        return frame if len(frame) and set(comparison.columns).issubset(frame.columns) else None
 
     def graphs(self) -> tuple[dict[str, int], dict] | None:
         """Read how many graphs the network was trained on, and what they hold."""

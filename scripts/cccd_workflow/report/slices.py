@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterable
 from dataclasses import dataclass
 
@@ -11,6 +9,7 @@ import numpy as np
 import shapely
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
+from cccd_workflow.report.render import webp
 from cccd_workflow.report.results import StructureFiles
 
 #: What lies over a slice, by its class in the page.
@@ -219,13 +218,11 @@ def _greys(structure: Structure) -> np.ndarray | None:
 
 def _webp(grey: np.ndarray, matrix: np.ndarray, most: float) -> str:
     """One slice (I, J) as it lies on the screen, of ``most`` pixels at most: base64 WebP."""
-    from PIL import Image, WebPImagePlugin  # noqa: F401  or Pillow loads all its formats
+    from PIL import Image
 
     grey = grey.T if matrix[0, 0] != 0 else grey  # x runs along i: rows of the picture are j
     grey = grey[:: -1 if matrix[1, :2].sum() < 0 else 1, :: -1 if matrix[0, :2].sum() < 0 else 1]
     picture = Image.fromarray(np.ascontiguousarray(grey))
     shrink = max(1.0, np.sqrt(grey.size / most))
     picture.thumbnail((max(1, round(picture.width / shrink)), max(1, round(picture.height / shrink))))
-    buffer = io.BytesIO()
-    picture.save(buffer, "WEBP", quality=70, method=4)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return webp(picture, 70)

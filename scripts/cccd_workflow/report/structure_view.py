@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import base64
-import io
 import json
 import os
 import re
@@ -16,7 +14,7 @@ from cccd.containers import Frame
 from cccd_viewers.viewer import packed, surface_figure
 from cccd_workflow.report.measures import HEADLINES, MEASURES, Headline, Measure
 from cccd_workflow.report.numerals import number, typeset
-from cccd_workflow.report.render import picture_renderer
+from cccd_workflow.report.render import picture_renderer, webp
 from cccd_workflow.report.results import Results, StructureFiles
 from cccd_workflow.report.slices import SliceSheet, draw_slices
 from cccd_workflow.report.templates import shared_facts, write_page
@@ -175,14 +173,12 @@ def _headlines(metrics: Mapping[str, Any]) -> list[dict[str, str]]:
 
 def encode_picture(path: Path, width: int) -> str:
     """Encode a picture as base64 WebP at most ``width`` pixels wide, transparency kept."""
-    from PIL import Image, WebPImagePlugin  # noqa: F401  or Pillow loads all its formats
+    from PIL import Image
 
     with Image.open(path) as opened:
         picture = opened.convert("RGBA")
     picture.thumbnail((width, width))
-    buffer = io.BytesIO()
-    picture.save(buffer, "WEBP", quality=80, method=4)
-    return base64.b64encode(buffer.getvalue()).decode("ascii")
+    return webp(picture, 80)
 
 
 def _sources(facts: Mapping[str, Any]) -> list[dict[str, Any]]:

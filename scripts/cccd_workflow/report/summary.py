@@ -24,7 +24,7 @@ class Cohort:
     metrics : sequence of dict
         Each structure's ``metrics.json``.
     distances : sequence of DataFrame
-        Each case's distances between organs (`cccd.surface.between.DISTANCES`).
+        Each case's distances between organs (`cccd_labels.between.DISTANCES`).
     """
 
     def __init__(
@@ -49,7 +49,9 @@ class Cohort:
 
 
 def read_cohort(
-    tables: Iterable[str | Path], metrics: Iterable[str | Path], distances: Iterable[str | Path] = ()
+    tables: Iterable[str | Path],
+    metrics: Iterable[str | Path] = (),
+    distances: Iterable[str | Path] = (),
 ) -> Cohort:
     """Read ``comparisons/<name>.csv`` and ``metrics.json`` of structures, and ``distances.csv`` of cases."""
     found: dict[str, list[pd.DataFrame]] = {}

@@ -12,6 +12,7 @@ import io
 import re
 from collections.abc import Iterator
 from typing import Any
+from xml.sax.saxutils import escape
 
 import matplotlib
 import numpy as np
@@ -22,6 +23,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.rcsetup import cycler
 from PIL import Image
+
+from cccd_workflow.report.render import webp
 
 #: Marker colours and the variables that replace them.
 INK, SOFT, RULE = "#010203", "#010204", "#010205"
@@ -148,19 +151,13 @@ def to_svg(figure: Figure, key: str, label: str) -> str:
     text = re.sub(r'<g id="[^"]*"', "<g", text)
     head, rest = text.split(">", 1)
     view = head.split('viewBox="')[1].split('"')[0]
-    title = f"<title>{_escape(label)}</title>"
+    title = "<title>" + escape(label, {'"': "&quot;"}) + "</title>"
     width = float(view.split()[2]) * 4 / 3  # points to CSS pixels
     size = f"min-width: {min(width, _READABLE_PX):.0f}px; max-width: {width:.0f}px"
     return f'<svg viewBox="{view}" role="img" class="plot" style="{size}">{title}{rest}'
 
 
 def _as_webp(png: str) -> str:
-    """Encode a picture within a figure again, at a tenth of PNG's size."""
+    """Encode a picture within a figure again."""
     with Image.open(io.BytesIO(base64.b64decode(png))) as picture:
-        buffer = io.BytesIO()
-        picture.save(buffer, "WEBP", quality=75, method=4)
-    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode('ascii')}"
-
-
-def _escape(text: str) -> str:
-    return text.replace("&", "&amp;").replace("<", "&lt;").replace(">", "&gt;").replace('"', "&quot;")
+        return f"data:image/webp;base64,{webp(picture, 75)}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,9 +21,10 @@ from cccd_workflow.report.render import VIEWS, VTK_PACKAGE
 
 def shared_facts(config: Mapping[str, Any]) -> dict[str, Any]:
     """Collect what all pages need."""
+    plain = json.loads(json.dumps(config, default=str))  # else YAML would have Python's tags
     return {
         "run": provenance(),
-        "config": yaml.safe_dump(_plain(config), sort_keys=False, allow_unicode=True, width=100),
+        "config": yaml.safe_dump(plain, sort_keys=False, allow_unicode=True, width=100),
         "vtk_package": VTK_PACKAGE,
         "view_names": ", ".join(view.name for view in VIEWS),
     }
@@ -54,12 +56,3 @@ def _bound(text: str) -> str:
     """Keep a number and its unit, and both sides of ``k = 3``, on one line."""
     text = re.sub(r"(?<=\d) (?=(%|mm|ms|s|[kM]?B|KB|points)\b|%)", "\u00a0", text)
     return re.sub(r"\b([kn]) = (?=\d)", "\\1\u00a0=\u00a0", text)
-
-
-def _plain(value: Any) -> Any:
-    """Copy as plain values, so that YAML writes no Python tags."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(part) for key, part in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(part) for part in value]
-    return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)

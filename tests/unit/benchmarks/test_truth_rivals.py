@@ -1,9 +1,8 @@
 """Rivals of the exact-truth benchmark lie where the mask is, and are chosen as the tables say."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from support import ROOT
 
 pytest.importorskip("vtk")
 pytest.importorskip("nibabel")
@@ -120,5 +119,5 @@ def test_a_page_without_the_block_is_refused():
 
 
 def test_the_page_has_both_blocks():
-    page = (Path(__file__).parents[3] / "docs/exact_truth.md").read_text(encoding="utf-8")
+    page = (ROOT / "docs/exact_truth.md").read_text(encoding="utf-8")
     assert fill_page(fill_page(page, "bodies", "x"), "thin masks", "y").count("<!--") == 4

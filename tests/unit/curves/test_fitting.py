@@ -293,21 +293,6 @@ def test_walls_thinner_than_any_fit_are_kept_apart(curves_of):
     assert outer.contains_properly(inner)
 
 
-def test_a_curve_that_crosses_itself_is_said_with_its_place(curves_of):
-    angle = np.linspace(0, 2 * np.pi, 200, endpoint=False) + 0.01
-    eight = 50 + 20 * np.column_stack([np.sin(angle), np.sin(2 * angle) + 0.2 * np.sin(angle)])
-    circle = 50 + 20 * np.column_stack([np.cos(angle), np.sin(angle)])
-    curves = curves_of(circle, eight, slices=[3, 7])
-    report = describe_curves(curves, CurveSettings()).report
-    (line,) = report["warnings"]
-    assert line.startswith(
-        "1 curve crosses itself or another, and so do the splines: slice 7 at (50.0, 50.0)"
-    )
-    assert line.endswith("50.0, 50.0, 7.0 mm")
-    assert report["mended"] == 0
-    assert describe_curves(curves_of(circle), CurveSettings()).report["warnings"] == []
-
-
 def test_curves_that_cross_each_other_are_said_and_those_that_touch_are_not(curves_of):
     square = np.array([(10, 10), (30, 10), (30, 30), (10, 30)], float)
     curves = curves_of(square, square + 15, square + 20, slices=[3, 3, 4])

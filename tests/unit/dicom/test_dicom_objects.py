@@ -5,22 +5,17 @@ from pathlib import Path
 import numpy as np
 import pydicom
 import pytest
-from pydicom.dataset import FileDataset, FileMetaDataset
-from pydicom.uid import ExplicitVRLittleEndian, RTStructureSetStorage, generate_uid
-from support import fresh
+from pydicom.uid import RTStructureSetStorage
+from support import fresh, scans
+from support.refusals import refusal
 
-from cccd.errors import InputError
 from cccd.file_headers import dicom_modality, object_in
 from cccd_dicom.references import lies_in_its_series
 from cccd_workflow.plan.cohort import holds_contours
 
 
 def write(path: Path, modality: str, **uids: str) -> Path:
-    meta = FileMetaDataset()
-    meta.MediaStorageSOPClassUID, meta.TransferSyntaxUID = RTStructureSetStorage, ExplicitVRLittleEndian
-    meta.MediaStorageSOPInstanceUID = generate_uid()
-    file = FileDataset(None, {}, file_meta=meta, preamble=b"\0" * 128)
-    file.SOPClassUID, file.SOPInstanceUID = RTStructureSetStorage, meta.MediaStorageSOPInstanceUID
+    file = scans.dicom_file(RTStructureSetStorage, [path.name])
     file.Modality = modality
     file.update(uids)
     file.save_as(path, enforce_file_format=True)
@@ -52,8 +47,7 @@ def test_a_folder_with_one_object_stands_for_it(tmp_path):
     assert object_in(tmp_path) == contours
     assert holds_contours(tmp_path)
     write(tmp_path / "seg.dcm", "SEG")
-    with pytest.raises(InputError, match="2 SEG or RTSTRUCT objects"):
-        object_in(tmp_path)
+    assert "2 SEG or RTSTRUCT objects" in refusal(object_in, tmp_path)
     assert not holds_contours(tmp_path)  # the job that imports it says why
 
 

@@ -14,20 +14,7 @@ import numpy as np
 import pydicom
 import pytest
 import trimesh
-from support.scans import (
-    affine_of,
-    dicom_affine,
-    empty_uids,
-    full,
-    grey,
-    load_structure,
-    organ,
-    referred,
-    row,
-    settings,
-    write_nifti,
-    write_series,
-)
+from support import scans
 
 import cccd
 from cccd.containers import Frame
@@ -38,7 +25,7 @@ from cccd_dicom.encapsulated_stl import write_encapsulated_stl
 from cccd_dicom.rtstruct import write_rtstruct
 from cccd_dicom.seg import write_seg
 
-AFFINE = dicom_affine()
+AFFINE = scans.dicom_affine()
 KINDS = ("RTSTRUCT", "M3D", "SEG")
 CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]
 
@@ -46,7 +33,7 @@ CENTRE = (AFFINE @ (18, 18, 6, 1))[:3]
 @pytest.fixture
 def series(tmp_path):
     """A series of the organ, in the folder ``dicom``."""
-    return write_series(tmp_path / "dicom", grey(organ()), AFFINE)
+    return scans.write_series(tmp_path / "dicom", scans.grey(scans.organ()), AFFINE)
 
 
 def ball():
@@ -68,7 +55,7 @@ def write_kind(kind, path, folder):
     elif kind == "M3D":
         write_encapsulated_stl(path, ball(), name="liver", reference=folder, keep_patient=True)
     else:
-        frame = Frame(AFFINE, 2, organ().shape)
+        frame = Frame(AFFINE, 2, scans.organ().shape)
         write_rtstruct(path, ball(), frame, name="liver", reference=folder, keep_patient=True)
 
 
@@ -98,8 +85,8 @@ def test_what_only_the_header_says_of_an_image_is_referred_to(tmp_path, kind, bl
     edit_headers(tmp_path / "dicom", partial(strip, blank=blank))
     write_kind(kind, tmp_path / "out.dcm", tmp_path / "dicom")
     written = pydicom.dcmread(tmp_path / "out.dcm")
-    assert empty_uids(written) == []
-    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
+    assert scans.empty_uids(written) == []
+    assert scans.referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
     write_kind("RTSTRUCT", tmp_path / "other.dcm", tmp_path / "dicom")
     other = pydicom.dcmread(tmp_path / "other.dcm")
     assert written.StudyInstanceUID == other.StudyInstanceUID
@@ -125,8 +112,8 @@ def test_dciodvfy_finds_no_error(tmp_path, kind, slices, series):
 def test_a_seg_of_slices_that_only_the_header_tells_apart_is_read_back(tmp_path, series):
     edit_headers(tmp_path / "dicom", lambda dataset: dataset.__delitem__("SOPInstanceUID"))
     write_kind("SEG", tmp_path / "seg.dcm", tmp_path / "dicom")
-    read = load_structure(row(image="dicom", mask="seg.dcm"), tmp_path, settings())
-    np.testing.assert_array_equal(full(read), voxelise(ball(), read.frame.affine, read.frame.shape))
+    read = scans.load(tmp_path, image="dicom", mask="seg.dcm")
+    np.testing.assert_array_equal(scans.full(read), voxelise(ball(), read.frame.affine, read.frame.shape))
 
 
 @pytest.mark.parametrize("keyword", ["SOPClassUID", "SOPInstanceUID"])
@@ -165,7 +152,7 @@ def test_a_word_in_the_place_of_a_uid_is_none(tmp_path, kind, series):
     written = pydicom.dcmread(tmp_path / "out.dcm")
     uids = [element.value for element in written.iterall() if element.VR == "UI"]
     assert "anonymised" not in uids
-    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
+    assert scans.referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
 
 
 def test_a_dose_beside_the_images_is_none_of_them(tmp_path, series):
@@ -173,20 +160,20 @@ def test_a_dose_beside_the_images_is_none_of_them(tmp_path, series):
     dose.Modality, dose.SOPInstanceUID = "RTDOSE", "1.2.3"
     dose.save_as(tmp_path / "dicom" / "dose.dcm")
     write_kind("RTSTRUCT", tmp_path / "out.dcm", tmp_path / "dicom")
-    assert "1.2.3" not in {instance for _, instance in referred(pydicom.dcmread(tmp_path / "out.dcm"))}
+    assert "1.2.3" not in {instance for _, instance in scans.referred(pydicom.dcmread(tmp_path / "out.dcm"))}
 
 
 @pytest.mark.parametrize("where", ["below", "of no modality"])
 def test_a_series_that_was_read_is_referred_to(tmp_path, where):
-    series = write_series(tmp_path / "scan" / "study", grey(organ()), AFFINE)
+    series = scans.write_series(tmp_path / "scan" / "study", scans.grey(scans.organ()), AFFINE)
     folder = tmp_path / "scan"
     if where == "of no modality":
         folder = folder / "study"
         edit_headers(folder, lambda dataset: dataset.__delitem__("Modality"))
-    write_nifti(tmp_path / "mask.nii", organ().astype(np.uint8), AFFINE)
+    scans.write_nifti(tmp_path / "mask.nii", scans.organ().astype(np.uint8), AFFINE)
     surface = cccd.reconstruct(cccd.read(tmp_path / "mask.nii", image=folder))
     written = pydicom.dcmread(surface.write(tmp_path / "out.dcm"))
-    assert referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
+    assert scans.referred(written) == {(image.SOPClassUID, image.SOPInstanceUID) for image in series}
 
 
 @pytest.mark.parametrize("keyword", COMMON)
@@ -207,9 +194,9 @@ def archive(tmp_path):
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
     store = str(tmp_path / "store")
-    settings = {"StorageDirectory": store, "IndexDirectory": store, "HttpPort": port, "Plugins": []}
-    settings |= {"DicomServerEnabled": False, "RemoteAccessAllowed": False, "AuthenticationEnabled": False}
-    (tmp_path / "orthanc.json").write_text(json.dumps(settings))
+    options = {"StorageDirectory": store, "IndexDirectory": store, "HttpPort": port, "Plugins": []}
+    options |= {"DicomServerEnabled": False, "RemoteAccessAllowed": False, "AuthenticationEnabled": False}
+    (tmp_path / "orthanc.json").write_text(json.dumps(options))
     with (tmp_path / "orthanc.log").open("w") as log:
         process = subprocess.Popen([program, tmp_path / "orthanc.json"], stdout=log, stderr=log)
     address = f"http://127.0.0.1:{port}"
@@ -268,16 +255,16 @@ def test_an_encapsulated_stl_is_the_mesh_in_lps_and_refers_to_every_slice(tmp_pa
 
 @pytest.mark.parametrize("turn", [(0, 0, 0), (15, -20, 30)], ids=["straight", "oblique"])
 def test_a_seg_has_the_voxels_inside_on_every_slice_of_its_series(tmp_path, turn):
-    affine = affine_of(turn=turn) @ np.diag([-1.0, -1.0, 1.0, 1.0])
+    affine = scans.affine_of(turn=turn) @ np.diag([-1.0, -1.0, 1.0, 1.0])
     mesh = ball()
     mesh = Mesh(mesh.vertices - CENTRE + (affine @ (18, 18, 6, 1))[:3], mesh.faces)
-    series = write_series(tmp_path / "dicom", grey(organ()), affine)
+    series = scans.write_series(tmp_path / "dicom", scans.grey(scans.organ()), affine)
     write_seg(tmp_path / "seg.dcm", mesh, name="liver", reference=tmp_path / "dicom")
-    read = load_structure(row(image="dicom", mask="seg.dcm", label="liver"), tmp_path, settings())
-    np.testing.assert_array_equal(full(read), voxelise(mesh, read.frame.affine, read.frame.shape))
+    read = scans.load(tmp_path, image="dicom", mask="seg.dcm", label="liver")
+    np.testing.assert_array_equal(scans.full(read), voxelise(mesh, read.frame.affine, read.frame.shape))
     held = pydicom.dcmread(tmp_path / "seg.dcm")
-    referred = held.ReferencedSeriesSequence[0].ReferencedInstanceSequence
-    assert {part.ReferencedSOPInstanceUID for part in referred} <= {image.SOPInstanceUID for image in series}
+    images = held.ReferencedSeriesSequence[0].ReferencedInstanceSequence
+    assert {part.ReferencedSOPInstanceUID for part in images} <= {image.SOPInstanceUID for image in series}
     assert held.PatientName == ""
 
 
@@ -293,8 +280,8 @@ def test_a_seg_of_another_patients_series_is_refused(tmp_path, series):
 
 
 def test_a_seg_on_slices_with_a_gap_has_the_frames_of_the_others(tmp_path):
-    write_series(tmp_path / "whole", grey(organ()), AFFINE)
-    write_series(tmp_path / "gap", grey(organ()), AFFINE, skip=(5,))
+    scans.write_series(tmp_path / "whole", scans.grey(scans.organ()), AFFINE)
+    scans.write_series(tmp_path / "gap", scans.grey(scans.organ()), AFFINE, skip=(5,))
     frames = {}
     for name in ("whole", "gap"):
         write_seg(tmp_path / f"{name}.dcm", ball(), name="liver", reference=tmp_path / name)

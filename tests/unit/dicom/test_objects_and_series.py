@@ -6,6 +6,7 @@ import pytest
 import shapely
 from pydicom.dataset import Dataset
 from support import scans
+from support.refusals import refusal
 
 import cccd
 from cccd_labels.label_maps import list_map
@@ -66,8 +67,7 @@ def test_of_two_series_the_one_is_taken_that_the_object_refers_to(tmp_path, orga
     structure = cccd.read(tmp_path / "seg.dcm", image=tmp_path / "all")
     assert np.corrcoef(structure.image.ravel(), structure.mask.ravel())[0, 1] > 0.5
     mask = scans.write_nifti(tmp_path / "m.nii.gz", organ.astype(np.uint8), AFFINE)
-    with pytest.raises(cccd.InputError, match="2 DICOM series in this folder"):
-        cccd.read(mask, image=tmp_path / "all")
+    assert "2 DICOM series in this folder" in refusal(cccd.read, mask, image=tmp_path / "all")
 
 
 @pytest.mark.parametrize(("given", "uid"), [(".", "series"), ("rt.dcm", "series"), ("rt.dcm", "")])
@@ -96,6 +96,7 @@ def test_a_seg_alone_names_the_end_at_which_its_series_does(tmp_path, organ, end
     assert f"the scan's {name} slice" in notes[0][0]
     assert alone.frame.slice_axis == beside.frame.slice_axis == 2
     np.testing.assert_allclose(alone.frame.affine, beside.frame.affine, atol=1e-4)
+    np.testing.assert_array_equal(scans.full(alone), scans.full(beside))
 
 
 def test_a_seg_that_ends_before_its_series_is_not_cut_there(tmp_path, organ):

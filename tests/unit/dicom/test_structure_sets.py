@@ -3,10 +3,9 @@
 import numpy as np
 import pydicom
 import pytest
-from support.scans import dicom_affine, grey, organ, row, settings, write_series, write_structure_set
+from support.scans import dicom_affine, grey, load, organ, write_series, write_structure_set
 
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.inputs import Request, read_request
 
 OUTER = np.array([(0, 0), (24, 0), (24, 20), (0, 20)], float)
 HOLE = np.array([(6, 5), (6, 15), (16, 15), (16, 5)], float)
@@ -20,7 +19,7 @@ def stacked(*shapes, heights=HEIGHTS):
 
 def curves_of(folder, contours, kind="CLOSED_PLANAR", **columns):
     write_structure_set(folder / "rt.dcm", {"ring": contours}, kind)
-    return read_request(Request.of_row(row(mask="rt.dcm", **columns), folder), settings()).contours
+    return load(folder, mask="rt.dcm", **columns).contours
 
 
 def areas(curves):
@@ -90,7 +89,7 @@ def test_contours_between_the_slices_stay_where_they_were_drawn(tmp_path):
     heights = [low + 4.0 * (k + 0.4) for k in range(2, 8)]  # slices lie 4 mm apart
     shape = 0.5 * (OUTER - 10) + (-centre[0], -centre[1])  # LPS
     write_structure_set(tmp_path / "rt.dcm", {"box": stacked(shape, heights=heights)})
-    structure = read_request(Request.of_row(row(image="dicom", mask="rt.dcm"), tmp_path), settings())
+    structure = load(tmp_path, image="dicom", mask="rt.dcm")
     curves = structure.contours
     world = np.concatenate(
         [curves.frame.to_world(points, k) for points, k in zip(curves, curves.slice, strict=True)]

@@ -1,13 +1,11 @@
 import numpy as np
-import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support.solids import sphere
 
 from cccd.containers import Curves, Frame
 from cccd.geometry.polygons import RaggedPolygons
-from cccd.geometry.raster import rasterise, voxelise
+from cccd.geometry.raster import rasterise
 
 
 def curves_of(polygons, slices, shape=(40, 40, 5)):
@@ -51,17 +49,3 @@ def test_a_disc_keeps_its_area_and_outside_parts_are_cut_off():
     assert np.array_equal(half, np.hypot(i, j) < 50.3)
     assert not curves_of([disc], [9]).rasterise((0, 0, 0), (3, 4, 4)).any()
     assert rasterise([], (0, 0), (2, 3)).shape == (2, 3)
-
-
-@pytest.mark.parametrize("mirror", [1, -1])
-def test_voxels_of_a_sphere(mirror):
-    affine = np.diag([mirror * 0.5, 0.7, 1.0, 1.0])
-    shape = (60, 60, 40)
-    centre = affine[:3, :3] @ (30, 30, 20)
-    mesh = sphere(9.3, centre)
-    index = np.stack(np.meshgrid(*map(np.arange, shape), indexing="ij"), axis=-1)
-    inside = np.linalg.norm(index @ affine[:3, :3].T - centre, axis=-1) <= 9.3
-    found = voxelise(mesh, affine, shape)
-    assert np.count_nonzero(found ^ inside) < 0.01 * inside.sum()
-    part = voxelise(mesh, affine, (20, 30, 10), (20, 10, 15))
-    assert np.array_equal(part, found[20:40, 10:40, 15:25])

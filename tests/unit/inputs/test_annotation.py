@@ -3,7 +3,8 @@
 import nibabel
 import numpy as np
 import pytest
-from support.scans import load_structure, row, settings, write_nifti
+from support.refusals import refusal
+from support.scans import load, settings, write_nifti
 
 import cccd
 from cccd.containers import Annotation, Sections
@@ -212,7 +213,7 @@ def test_what_was_drawn_is_stored_and_is_all_that_is_measured_against(tmp_path):
     mask, slices = ellipsoid(), list(range(12, 70, 8))
     drawn = with_planes(mask, slices, j=[27])
     write_nifti(tmp_path / "liver.nii.gz", drawn.astype(np.uint8), np.diag([1, 1, 1.5, 1]))
-    structure = load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+    structure = load(tmp_path, mask="liver.nii.gz", annotated="nonempty")
     write_structure(tmp_path / "structure.h5", structure)
     stored = read_drawn(tmp_path / "structure.h5").annotation
     assert np.array_equal(stored.slices, slices)
@@ -247,11 +248,10 @@ def test_one_drawn_slice_is_too_few(tmp_path, planes):
         tmp_path / "liver.nii.gz", with_planes(ellipsoid(), [40], i=planes).astype(np.uint8), np.eye(4)
     )
     with pytest.raises(InputError, match=r"1 slice\b"):
-        load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+        load(tmp_path, mask="liver.nii.gz", annotated="nonempty")
 
 
 def test_probabilities_are_known_on_every_slice(tmp_path):
     share = 0.7 * only(ellipsoid(), [20, 40, 60]).astype(np.float32)
     write_nifti(tmp_path / "liver.nii.gz", share, np.eye(4))
-    with pytest.raises(InputError, match="combined with probabilities"):
-        load_structure(row(mask="liver.nii.gz", annotated="nonempty"), tmp_path, settings())
+    assert "combined with probabilities" in refusal(load, tmp_path, mask="liver.nii.gz", annotated="nonempty")

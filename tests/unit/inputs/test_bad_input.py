@@ -1,7 +1,6 @@
 """Whatever is wrong with a scan, the user gets one line that names the row, the problem and a hint."""
 
 import gzip
-import os
 import re
 import shutil
 
@@ -14,7 +13,7 @@ from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 from support import scans
-from support.scans import load_structure
+from support.refusals import refusal
 
 import cccd
 from cccd.errors import InputError
@@ -32,9 +31,7 @@ def circle(z, radius=10.0, centre=(0.0, 0.0)):
 
 
 def refused(folder, *parts, columns=None, **changes):
-    with pytest.raises(InputError) as caught:
-        load_structure(scans.row(**(columns or {"mask": "mask.nii"})), folder, scans.settings(**changes))
-    message = str(caught.value)
+    message = refusal(scans.load, folder, changes, **columns or {"mask": "mask.nii"})
     assert message.startswith("cohort.tsv row 2: ")
     assert "; " in message
     for part in parts:
@@ -180,7 +177,7 @@ def test_a_label_of_probabilities_is_refused(tmp_path):
 
 def test_an_organ_in_metres_is_warned_of(tmp_path):
     scans.write_nifti(tmp_path / "mask.nii", MASK, scans.affine_of(spacing=(0.0015, 0.0012, 0.004)))
-    structure = load_structure(scans.row(mask="mask.nii"), tmp_path, scans.settings())
+    structure = scans.load(tmp_path, mask="mask.nii")
     assert any("are the header's units millimetres?" in warning for warning in structure.warnings)
 
 
@@ -199,7 +196,7 @@ def test_different_grids(tmp_path, change):
     scans.write_nifti(tmp_path / "image.nii", np.zeros(shape, np.int16), scans.affine_of(**change))
     both = {"mask": "mask.nii", "image": "image.nii"}
     refused(tmp_path, "image.nii: its grid", "mask.nii", "resample: true", columns=both)
-    load_structure(scans.row(**both), tmp_path, scans.settings(resample=True))
+    scans.load(tmp_path, changes={"resample": True}, **both)
 
 
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
@@ -432,7 +429,7 @@ def test_a_header_that_promises_a_huge_volume_fills_no_memory(tmp_path, name):
 def loads_or_refuses(folder, columns):
     """Either a structure or one line; any other error fails the test."""
     try:
-        structure = load_structure(scans.row(**columns), folder, scans.settings())
+        structure = scans.load(folder, **columns)
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
         assert str(error).startswith("cohort.tsv row 2: ")  # noqa: PT017
@@ -497,7 +494,7 @@ def test_any_contours_give_simple_curves_or_a_line(tmp_path_factory, shapes):
     contours += [np.column_stack([np.add(s, (40, 0)), np.full(len(s), 2.0)]) for s in shapes]
     scans.write_structure_set(folder / "any.dcm", {"organ": contours})
     try:
-        curves = load_structure(scans.row(mask="any.dcm"), folder, scans.settings()).contours
+        curves = scans.load(folder, mask="any.dcm").contours
     except InputError as error:
         assert "\n" not in str(error)  # noqa: PT017
     else:
@@ -532,12 +529,3 @@ def test_a_name_is_near_by_itself_and_not_by_its_suffix(tmp_path, asked):
 def test_a_label_is_near_the_name_of_another(asked, hint):
     with pytest.raises(InputError, match=f"it has no label '{asked}'; {re.escape(hint)}"):
         choose_labels({5: "liver", 7: "spleen", 8: ""}, asked, "organ", "scan.nii", "label")
-
-
-def test_a_file_without_permission_says_so(tmp_path, monkeypatch):
-    path = tmp_path / "mask.nii"
-    path.touch(0o000)
-    if os.geteuid() == 0:  # root may read everything
-        monkeypatch.setattr(os, "access", lambda path, _: bool(os.stat(path).st_mode & 0o400))
-    with pytest.raises(InputError, match=r"you may not read mask\.nii; change its rights"):
-        cccd.read(path)

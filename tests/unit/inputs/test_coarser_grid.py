@@ -1,18 +1,14 @@
 """Masks whose voxels are copies of coarser ones: those are found, and the surface is made of them."""
 
-import json
-
 import nibabel as nib
 import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
-from support.scans import DATA, load_structure, row, write_nifti
-from support.scans import settings as import_settings
+from support.scans import DATA, load, write_nifti
 
 import cccd
-from cccd.cli import main
 from cccd.inputs.coarser_grid import find_coarser_grid
 from cccd.inputs.load import structure_of_array
 from cccd.settings.imports import ImportSettings
@@ -93,21 +89,13 @@ def test_real_masks_on_their_own_voxels_are_left_alone():
         assert find_coarser_grid(np.asarray(image.dataobj), np.ones(3)) is None, file.name
 
 
-def test_a_copied_ball_has_no_stairs():
-    _, _, fine, affine = copied_ball()
+def test_the_surface_of_a_copied_mask_is_that_of_the_coarse_one():
+    mask, coarse, fine, affine = copied_ball()
+    given_coarse = cccd.reconstruct(structure_of_array(mask, coarse, ImportSettings(), "ball"))
     structure = structure_of_array(fine, affine, ImportSettings(), "ball")
     assert structure.frame.copied_to.shape == fine.shape
     np.testing.assert_allclose(structure.frame.spacing, VOXEL)
-    vertices = cccd.reconstruct(structure).vertices
-    off = np.abs(np.linalg.norm(vertices, axis=1) - RADIUS)
-    # stairs of half a voxel leave a fifth of one on the mean
-    assert off.mean() < 0.1 * VOXEL
-
-
-def test_the_surface_is_that_of_the_coarse_mask():
-    mask, coarse, fine, affine = copied_ball()
-    given_coarse = cccd.reconstruct(structure_of_array(mask, coarse, ImportSettings(), "ball"))
-    given_fine = cccd.reconstruct(structure_of_array(fine, affine, ImportSettings(), "ball"))
+    given_fine = cccd.reconstruct(structure)
     np.testing.assert_allclose(given_fine.vertices, given_coarse.vertices, atol=1e-6)
 
 
@@ -134,10 +122,7 @@ def test_all_labels_of_a_file_get_the_grid_that_the_file_was_copied_from(tmp_pat
     fine = ndimage.zoom(labels, 3, order=0)
     write_nifti(tmp_path / "labels.nii.gz", fine, np.eye(4))
     assert find_coarser_grid(fine == 2, np.ones(3)) is None
-    one, two = (
-        load_structure(row(mask="labels.nii.gz", label=label), tmp_path, import_settings())
-        for label in ("1", "2")
-    )
+    one, two = (load(tmp_path, mask="labels.nii.gz", label=label) for label in ("1", "2"))
     assert one.frame.shape == two.frame.shape == mask.shape
     np.testing.assert_array_equal(one.frame.affine, two.frame.affine)
 
@@ -149,7 +134,7 @@ def test_grey_values_are_averaged_over_the_voxels_that_were_copied(tmp_path):
     fine = np.kron(mask, np.ones((3, 3, 3))).astype(np.uint8)
     write_nifti(tmp_path / "mask.nii.gz", np.flip(fine, 1), np.eye(4))
     write_nifti(tmp_path / "image.nii.gz", grey, np.diag([1.0, -1.0, 1.0, 1.0]) @ shifted(fine.shape[1] - 1))
-    structure = load_structure(row(mask="mask.nii.gz", image="image.nii.gz"), tmp_path, import_settings())
+    structure = load(tmp_path, mask="mask.nii.gz", image="image.nii.gz")
     assert structure.frame.copied_to.shape == grey.shape
     centres = 3 * (np.moveaxis(np.indices(structure.image.shape), 0, -1) + structure.origin) + 1
     inside = structure.mask
@@ -171,12 +156,11 @@ def test_drawn_slices_are_no_copies():
     assert structure.frame.copied_to is None
 
 
-def test_files_lie_on_the_grid_of_the_file(tmp_path, capsys):
+def test_files_lie_on_the_grid_of_the_file(tmp_path, answer):
     _, _, fine, affine = copied_ball()
     nib.save(nib.Nifti1Image(fine.astype(np.uint8), affine), tmp_path / "ball.nii.gz")
     written = tmp_path / "out.nii.gz"
-    assert main(["surface", str(tmp_path / "ball.nii.gz"), "-o", str(written), "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
+    report = answer("surface", tmp_path / "ball.nii.gz", "-o", written)
     assert any("3 x 3 x 3 mm" in line for line in report["surfaces"][0]["warnings"])
     image = nib.load(written)
     assert image.shape == fine.shape

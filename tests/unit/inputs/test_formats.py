@@ -3,24 +3,7 @@
 import numpy as np
 import pytest
 from scipy import ndimage
-from support.scans import (
-    affine_of,
-    dicom_affine,
-    full,
-    grey,
-    inside,
-    load_structure,
-    organ,
-    outlines,
-    row,
-    settings,
-    write_enhanced,
-    write_itk,
-    write_nifti,
-    write_seg,
-    write_series,
-    write_structure_set,
-)
+from support import scans
 
 
 def shoelace(points):
@@ -32,22 +15,22 @@ def shoelace(points):
 def folder(tmp_path_factory):
     """One organ on one oblique grid, in all formats."""
     path = tmp_path_factory.mktemp("formats")
-    mask, affine = organ(), dicom_affine(turn=(8, -12, 20))
-    image = (grey(mask) // 2 * 2).astype(np.int16)
-    write_nifti(path / "image.nii.gz", image, affine)
-    write_nifti(path / "mask.nii.gz", mask.astype(np.uint8), affine)
+    mask, affine = scans.organ(), scans.dicom_affine(turn=(8, -12, 20))
+    image = (scans.grey(mask) // 2 * 2).astype(np.int16)
+    scans.write_nifti(path / "image.nii.gz", image, affine)
+    scans.write_nifti(path / "mask.nii.gz", mask.astype(np.uint8), affine)
     for suffix in ("nrrd", "mha"):
-        write_itk(path / f"image.{suffix}", image, affine)
-        write_itk(path / f"mask.{suffix}", mask.astype(np.uint8), affine)
-    series = write_series(path / "dicom", image, affine)
+        scans.write_itk(path / f"image.{suffix}", image, affine)
+        scans.write_itk(path / f"mask.{suffix}", mask.astype(np.uint8), affine)
+    series = scans.write_series(path / "dicom", image, affine)
     slices = range(image.shape[2])
-    write_enhanced(path / "enhanced.dcm", image, affine, slices)
-    write_enhanced(
+    scans.write_enhanced(path / "enhanced.dcm", image, affine, slices)
+    scans.write_enhanced(
         path / "shuffled.dcm", image, affine, np.random.default_rng(0).permutation(slices).tolist()
     )
-    write_seg(path / "seg.dcm", {"other": ~mask, "organ": mask}, series, ["other", "organ"])
-    write_structure_set(
-        path / "rt.dcm", {"body": outlines(mask, affine)[:1], "organ": outlines(mask, affine)}
+    scans.write_seg(path / "seg.dcm", {"other": ~mask, "organ": mask}, series, ["other", "organ"])
+    scans.write_structure_set(
+        path / "rt.dcm", {"body": scans.outlines(mask, affine)[:1], "organ": scans.outlines(mask, affine)}
     )
     np.save(path / "mask.npy", mask)
     np.save(path / "image.npy", image)
@@ -69,11 +52,11 @@ def folder(tmp_path_factory):
     ],
 )
 def test_same_mask_and_image(folder, image, mask, label):
-    structure = load_structure(row(image=image, mask=mask, label=label), folder, settings())
+    structure = scans.load(folder, image=image, mask=mask, label=label)
     expected = np.load(folder / "mask.npy")
     assert structure.frame.slice_axis == 2
-    np.testing.assert_allclose(structure.frame.affine, dicom_affine(turn=(8, -12, 20)), atol=1e-4)
-    np.testing.assert_array_equal(full(structure), expected)
+    np.testing.assert_allclose(structure.frame.affine, scans.dicom_affine(turn=(8, -12, 20)), atol=1e-4)
+    np.testing.assert_array_equal(scans.full(structure), expected)
     if image:
         source = np.load(folder / "image.npy")
         first = structure.origin
@@ -84,94 +67,52 @@ def test_same_mask_and_image(folder, image, mask, label):
         np.testing.assert_array_equal(structure.image, source[np.ix_(*clipped)])
 
 
-def test_seg_without_series_lies_in_the_same_place(folder):
-    structure = load_structure(row(mask="seg.dcm", label="organ"), folder, settings())
-    world = np.argwhere(structure.mask) + structure.origin
-    world = world @ structure.frame.affine[:3, :3].T + structure.frame.affine[:3, 3]
-    affine = dicom_affine(turn=(8, -12, 20))
-    expected = np.argwhere(np.load(folder / "mask.npy")) @ affine[:3, :3].T + affine[:3, 3]
-
-    def ordered(points):
-        return np.array(sorted(np.round(points, 3).tolist()))
-
-    np.testing.assert_allclose(ordered(world), ordered(expected), atol=2e-3)
-
-
 def test_rtstruct_contours_are_the_organ(folder):
-    structure = load_structure(row(image="dicom", mask="rt.dcm", label="organ"), folder, settings())
+    structure = scans.load(folder, image="dicom", mask="rt.dcm", label="organ")
     mask = np.load(folder / "mask.npy")
     curves = structure.contours
     assert structure.mask is None
     assert structure.image is not None
-    np.testing.assert_array_equal(inside(curves, mask.shape), mask)
+    np.testing.assert_array_equal(scans.inside(curves, mask.shape), mask)
     assert np.all(np.diff(curves.slice) >= 0)
     assert curves.hole.any()
     assert all((shoelace(points) < 0) == hole for points, hole in zip(curves, curves.hole, strict=True))
     assert all((points[0] != points[-1]).any() for points in curves)
 
 
-def test_rtstruct_without_image_lies_in_the_same_place(folder):
-    alone = load_structure(row(mask="rt.dcm", label="organ"), folder, settings())
-    with_image = load_structure(row(image="dicom", mask="rt.dcm", label="organ"), folder, settings())
-    assert len(alone.contours) == len(with_image.contours)
-    areas = {
-        name: sorted(round(abs(shoelace(p)) * s.frame.pixel_spacing.prod(), 2) for p in s.contours)
-        for name, s in (("alone", alone), ("with", with_image))
-    }
-    np.testing.assert_allclose(areas["alone"], areas["with"], atol=0.02)
-
-    def centre(structure):
-        curves = structure.contours
-        k = np.repeat(curves.slice, np.diff(curves.offsets))
-        return structure.frame.to_world(curves.points, k).mean(axis=0)
-
-    np.testing.assert_allclose(centre(alone), centre(with_image), atol=1e-3)
-
-
 def test_jpeg_2000_and_lying_thickness(tmp_path):
-    mask, affine = organ(), dicom_affine()
-    image = (grey(mask) // 2 * 2).astype(np.int16)
-    write_series(tmp_path / "dicom", image, affine, thickness=5.0, compress=True)
-    write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine)
-    structure = load_structure(row(image="dicom", mask="mask.nii"), tmp_path, settings())
+    mask, affine = scans.organ(), scans.dicom_affine()
+    image = (scans.grey(mask) // 2 * 2).astype(np.int16)
+    scans.write_series(tmp_path / "dicom", image, affine, thickness=5.0, compress=True)
+    scans.write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine)
+    structure = scans.load(tmp_path, image="dicom", mask="mask.nii")
     assert structure.frame.slice_spacing == pytest.approx(4.0)
-    np.testing.assert_array_equal(full(structure), mask)
+    np.testing.assert_array_equal(scans.full(structure), mask)
 
 
-def test_flipped_mask_is_brought_to_the_image(tmp_path):
-    """What dcm2niix does: rows turned over, and here the axes permuted as well."""
-    mask, affine = organ(), dicom_affine()
-    image = (grey(mask) // 2 * 2).astype(np.int16)
-    write_series(tmp_path / "dicom", image, affine)
-    turned = np.flip(mask, 1).transpose(2, 0, 1)
+def test_a_flipped_mask_of_a_part_is_brought_to_the_image(tmp_path):
+    """What dcm2niix does: rows turned over, and here the axes permuted and empty voxels cut off as well."""
+    mask, affine = scans.organ(), scans.dicom_affine()
+    image = (scans.grey(mask) // 2 * 2).astype(np.int16)
+    scans.write_series(tmp_path / "dicom", image, affine)
+    turned = np.flip(mask[2:, :, 1:], 1).transpose(2, 0, 1)
     moved = affine.copy()
-    moved[:3, 3] += affine[:3, 1] * (mask.shape[1] - 1)
+    moved[:3, 3] += affine[:3, :3] @ (2, mask.shape[1] - 1, 1)
     moved[:3, 1] *= -1
-    write_nifti(tmp_path / "mask.nii", turned.astype(np.uint8), moved[:, [2, 0, 1, 3]])
-    structure = load_structure(row(image="dicom", mask="mask.nii"), tmp_path, settings())
-    np.testing.assert_array_equal(full(structure), mask)
-
-
-def test_mask_of_a_part_of_the_image(tmp_path):
-    mask, affine = organ(), affine_of()
-    write_nifti(tmp_path / "image.nii", grey(mask), affine)
-    start = np.array((2, 3, 1))
-    part = affine.copy()
-    part[:3, 3] += affine[:3, :3] @ start
-    write_nifti(tmp_path / "mask.nii", mask[2:, 3:, 1:].astype(np.uint8), part)
-    structure = load_structure(row(image="image.nii", mask="mask.nii"), tmp_path, settings())
-    np.testing.assert_array_equal(full(structure), mask)
+    scans.write_nifti(tmp_path / "mask.nii", turned.astype(np.uint8), moved[:, [2, 0, 1, 3]])
+    structure = scans.load(tmp_path, image="dicom", mask="mask.nii")
+    np.testing.assert_array_equal(scans.full(structure), mask)
 
 
 def test_resampling_only_when_asked(tmp_path):
-    mask = organ()
-    write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine_of())
+    mask = scans.organ()
+    scans.write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), scans.affine_of())
     a, b, c = np.indices((50, 50, 40), float)
-    coarse = affine_of(spacing=(2.0, 2.0, 2.0), origin=(-35.0, 8.0, 3.0))
+    coarse = scans.affine_of(spacing=(2.0, 2.0, 2.0), origin=(-35.0, 8.0, 3.0))
     ramp = (a * 2 - 35) + 2 * (b * 2 + 8) - 3 * (c * 2 + 3)
-    write_nifti(tmp_path / "image.nii", ramp.astype(np.float32), coarse)
-    structure = load_structure(row(image="image.nii", mask="mask.nii"), tmp_path, settings(resample=True))
-    np.testing.assert_array_equal(full(structure), mask)
+    scans.write_nifti(tmp_path / "image.nii", ramp.astype(np.float32), coarse)
+    structure = scans.load(tmp_path, changes={"resample": True}, image="image.nii", mask="mask.nii")
+    np.testing.assert_array_equal(scans.full(structure), mask)
     index = np.argwhere(structure.mask)
     world = (index + structure.origin) @ structure.frame.affine[:3, :3].T + structure.frame.affine[:3, 3]
     np.testing.assert_allclose(structure.image[structure.mask], world @ (1, 2, -3), atol=1e-2)
@@ -179,25 +120,25 @@ def test_resampling_only_when_asked(tmp_path):
 
 
 def test_gaps_are_filled_only_when_asked(tmp_path):
-    mask, affine = organ(), dicom_affine()
+    mask, affine = scans.organ(), scans.dicom_affine()
     ramp = np.broadcast_to(np.arange(14) * 20, mask.shape).astype(np.int16)
-    write_series(tmp_path / "dicom", ramp, affine, skip=(5, 6))
-    write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine)
-    structure = load_structure(row(image="dicom", mask="mask.nii"), tmp_path, settings(fill_gaps=True))
+    scans.write_series(tmp_path / "dicom", ramp, affine, skip=(5, 6))
+    scans.write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine)
+    structure = scans.load(tmp_path, changes={"fill_gaps": True}, image="dicom", mask="mask.nii")
     assert any("2 slices are missing" in note for note in structure.warnings)
     inner = structure.image[:, :, -structure.origin[2] :][:, :, :14]
     np.testing.assert_allclose(inner[20, 20], np.arange(14) * 20, atol=1e-3)
 
 
 def test_several_rois_are_united(tmp_path):
-    mask, affine = organ(), dicom_affine()
-    write_series(tmp_path / "dicom", grey(mask), affine)
+    mask, affine = scans.organ(), scans.dicom_affine()
+    scans.write_series(tmp_path / "dicom", scans.grey(mask), affine)
     left, right = mask.copy(), mask.copy()
     left[20:], right[:20] = False, False
-    rois = {"left": outlines(left, affine), "right": outlines(right, affine)}
-    write_structure_set(tmp_path / "rt.dcm", rois)
-    structure = load_structure(row(image="dicom", mask="rt.dcm", label="left,right"), tmp_path, settings())
-    np.testing.assert_array_equal(inside(structure.contours, mask.shape), mask)
+    rois = {"left": scans.outlines(left, affine), "right": scans.outlines(right, affine)}
+    scans.write_structure_set(tmp_path / "rt.dcm", rois)
+    structure = scans.load(tmp_path, image="dicom", mask="rt.dcm", label="left,right")
+    np.testing.assert_array_equal(scans.inside(structure.contours, mask.shape), mask)
 
 
 def test_a_contour_that_goes_out_and_back_encloses_nothing_and_is_left_out(tmp_path):
@@ -205,39 +146,39 @@ def test_a_contour_that_goes_out_and_back_encloses_nothing_and_is_left_out(tmp_p
     there_and_back = np.array([(0, 0), (10, 0), (10, 10), (10, 0)], float)
     shapes = [(square, z) for z in (0.0, 3.0, 6.0, 9.0)] + [(there_and_back, 12.0)]
     contours = [np.column_stack([shape, np.full(4, z)]) for shape, z in shapes]
-    write_structure_set(tmp_path / "rt.dcm", {"square": contours})
-    structure = load_structure(row(mask="rt.dcm"), tmp_path, settings())
+    scans.write_structure_set(tmp_path / "rt.dcm", {"square": contours})
+    structure = scans.load(tmp_path, mask="rt.dcm")
     assert [abs(shoelace(points)) for points in structure.contours] == pytest.approx([400] * 4)
     assert any("1 contours without area left out" in note for note in structure.warnings)
 
 
 def test_contours_on_every_third_slice(tmp_path):
-    mask, affine = organ(), dicom_affine()
-    write_series(tmp_path / "dicom", grey(mask), affine)
+    mask, affine = scans.organ(), scans.dicom_affine()
+    scans.write_series(tmp_path / "dicom", scans.grey(mask), affine)
     sparse = np.zeros_like(mask)
     sparse[:, :, 2::3] = mask[:, :, 2::3]
-    write_structure_set(tmp_path / "rt.dcm", {"organ": outlines(sparse, affine)})
-    structure = load_structure(row(image="dicom", mask="rt.dcm"), tmp_path, settings())
+    scans.write_structure_set(tmp_path / "rt.dcm", {"organ": scans.outlines(sparse, affine)})
+    structure = scans.load(tmp_path, image="dicom", mask="rt.dcm")
     assert structure.frame.slice_spacing == pytest.approx(12.0)
     assert structure.frame.shape[2] == 4
-    np.testing.assert_array_equal(inside(structure.contours, (44, 38, 4)), mask[:, :, 2::3])
+    np.testing.assert_array_equal(scans.inside(structure.contours, (44, 38, 4)), mask[:, :, 2::3])
     assert any("3" in note for note in structure.warnings)
 
 
 def test_label_maps(tmp_path):
-    mask, affine = organ(), affine_of()
+    mask, affine = scans.organ(), scans.affine_of()
     labels = np.where(mask, 5, 0).astype(np.uint8)
     labels[:22][mask[:22]] = 7
     labels[0, 0, 0] = 9
-    write_nifti(tmp_path / "labels.nii", labels, affine)
+    scans.write_nifti(tmp_path / "labels.nii", labels, affine)
 
     def load(label):
-        return load_structure(row(mask="labels.nii", label=label), tmp_path, settings())
+        return scans.load(tmp_path, mask="labels.nii", label=label)
 
-    np.testing.assert_array_equal(full(load("5")), labels == 5)
-    np.testing.assert_array_equal(full(load("5,7")), mask)
+    np.testing.assert_array_equal(scans.full(load("5")), labels == 5)
+    np.testing.assert_array_equal(scans.full(load("5,7")), mask)
     everything = load("")
-    np.testing.assert_array_equal(full(everything), labels > 0)
+    np.testing.assert_array_equal(scans.full(everything), labels > 0)
     assert any("no label given" in note for note in everything.warnings)
 
 
@@ -252,16 +193,16 @@ def test_label_maps(tmp_path):
     ids=["float", "probability", "255", "rounding"],
 )
 def test_masks_of_any_kind(tmp_path, stored):
-    mask = organ()
-    write_nifti(tmp_path / "mask.nii", stored(mask), affine_of())
-    np.testing.assert_array_equal(full(load_structure(row(mask="mask.nii"), tmp_path, settings())), mask)
+    mask = scans.organ()
+    scans.write_nifti(tmp_path / "mask.nii", stored(mask), scans.affine_of())
+    np.testing.assert_array_equal(scans.full(scans.load(tmp_path, mask="mask.nii")), mask)
 
 
 def test_mask_on_the_faces_of_the_array(tmp_path):
     mask = np.ones((6, 7, 5), np.uint8)
-    write_nifti(tmp_path / "mask.nii", mask, affine_of())
-    write_nifti(tmp_path / "image.nii", grey(mask.astype(bool)), affine_of())
-    structure = load_structure(row(image="image.nii", mask="mask.nii"), tmp_path, settings())
+    scans.write_nifti(tmp_path / "mask.nii", mask, scans.affine_of())
+    scans.write_nifti(tmp_path / "image.nii", scans.grey(mask.astype(bool)), scans.affine_of())
+    structure = scans.load(tmp_path, image="image.nii", mask="mask.nii")
     assert structure.origin.tolist() == [-3, -3, -3]
     assert structure.mask.shape == (12, 13, 11)
     assert structure.mask.sum() == mask.size
@@ -270,22 +211,22 @@ def test_mask_on_the_faces_of_the_array(tmp_path):
 
 
 def test_boundary_stack_with_mask_beside_it(tmp_path):
-    mask = organ()
+    mask = scans.organ()
     eroded = ndimage.binary_erosion(mask, np.array([[0, 1, 0], [1, 1, 1], [0, 1, 0]])[:, :, None])
     boundary = mask & ~eroded
-    write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), affine_of())
-    write_nifti(tmp_path / "edges.nii", boundary.astype(np.uint8), affine_of())
-    structure = load_structure(row(boundary="edges.nii", mask="mask.nii"), tmp_path, settings())
-    np.testing.assert_array_equal(full(structure, "boundary"), boundary)
-    np.testing.assert_array_equal(full(structure), mask)
-    alone = load_structure(row(boundary="edges.nii"), tmp_path, settings())
+    scans.write_nifti(tmp_path / "mask.nii", mask.astype(np.uint8), scans.affine_of())
+    scans.write_nifti(tmp_path / "edges.nii", boundary.astype(np.uint8), scans.affine_of())
+    structure = scans.load(tmp_path, boundary="edges.nii", mask="mask.nii")
+    np.testing.assert_array_equal(scans.full(structure, "boundary"), boundary)
+    np.testing.assert_array_equal(scans.full(structure), mask)
+    alone = scans.load(tmp_path, boundary="edges.nii")
     assert alone.mask is None
 
 
 def test_provenance_names_files_and_checksums(tmp_path):
     import hashlib
 
-    path = write_nifti(tmp_path / "mask.nii", organ().astype(np.uint8), affine_of())
-    facts = load_structure(row(mask="mask.nii"), tmp_path, settings()).provenance
+    path = scans.write_nifti(tmp_path / "mask.nii", scans.organ().astype(np.uint8), scans.affine_of())
+    facts = scans.load(tmp_path, mask="mask.nii").provenance
     assert facts["files"] == {"mask.nii": hashlib.sha256(path.read_bytes()).hexdigest()}
     assert "nibabel" in facts["versions"]

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import settings as hypothesis_settings
 from hypothesis import strategies as st
-from support.scans import affine_of, load_structure, row, settings, write_itk, write_nifti
+from support.scans import affine_of, load, write_itk, write_nifti
 
 from cccd.inputs.grid import (
     Volume,
@@ -41,7 +41,7 @@ def test_ball_stays_in_place(tmp_path, spacing, turn, mirror, suffix):
     mask = ball(affine, (40, 40, 40)).astype(np.uint8)
     write = write_nifti if suffix == "nii.gz" else write_itk
     write(tmp_path / f"mask.{suffix}", mask, affine)
-    structure = load_structure(row(mask=f"mask.{suffix}"), tmp_path, settings())
+    structure = load(tmp_path, mask=f"mask.{suffix}")
     frame = structure.frame
     assert frame.slice_axis == int(np.argmax(spacing))
     stack = structure.stack("mask")

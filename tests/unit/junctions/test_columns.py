@@ -8,14 +8,6 @@ SCHEMA = FeatureSchema(
 )
 
 
-def test_columns_stand_where_their_names_say_in_whatever_order_they_come():
-    turn = np.array([[1.0, 2], [3, 4]])
-    table = SCHEMA.assemble({"turn": turn, "length": np.array([5.0, 6])}, np.float32)
-    assert table.dtype == np.float32
-    assert np.array_equal(table[:, SCHEMA["turn"]], turn)
-    assert np.array_equal(table[:, SCHEMA["length"]][:, 0], [5, 6])
-
-
 @pytest.mark.parametrize(
     "values",
     [
@@ -28,8 +20,3 @@ def test_columns_stand_where_their_names_say_in_whatever_order_they_come():
 def test_missing_unknown_and_misshapen_columns_are_refused(values):
     with pytest.raises(ValueError, match=r"length|turn|area"):
         SCHEMA.assemble(values, np.float64)
-
-
-def test_two_columns_of_one_name_are_refused():
-    with pytest.raises(ValueError, match="share a name"):
-        FeatureSchema(Column("length", "px", "of a link"), Column("length", "mm", "of a link"))

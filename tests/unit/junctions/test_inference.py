@@ -1,11 +1,9 @@
-from pathlib import Path
-
 import cv2
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from support import fresh
+from support import ROOT, fresh
 
 from cccd.chaincode import on_pixel_chain
 from cccd.containers import Boundaries, Frame
@@ -23,7 +21,7 @@ from cccd_training.junctions.scoring import score_slice
 from cccd_training.junctions.synthetic_maps import draw_map
 
 FRAME = Frame(np.eye(4), 2, (200, 200, 50))
-SHIPPED = Path(__file__).parents[3] / "workflow" / "models" / "junctions.pt"
+SHIPPED = ROOT / "workflow" / "models" / "junctions.pt"
 
 
 def boundaries(maps, numbers=None):

@@ -7,7 +7,7 @@ from torch_geometric.nn import MessagePassing
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.graph_data import TRIANGLE_LINKS, make_data
 from cccd_junctions.intensity import normalised_intensity
-from cccd_junctions.layers import EquationEleven, HeadGate, Incidence, Pools
+from cccd_junctions.layers import EquationEleven, both_ways, shared_means
 from cccd_junctions.network import JunctionNetwork
 
 
@@ -59,12 +59,12 @@ def test_gates_of_one_change_nothing_and_zero_closes_a_link():
 
 
 def test_a_gate_is_the_same_for_all_channels_of_a_head():
-    torch.manual_seed(0)
-    gate = HeadGate(5, 2, 6)
-    x = torch.randn(7, 5)
+    convolution = layer()
+    x, gate = torch.randn(6, 5), torch.randn(3, 2)
+    edges = torch.tensor([[0, 1, 2], [3, 4, 5]])
     with torch.no_grad():
-        by_head = torch.nn.functional.linear(x, gate.weight, gate.bias)
-        assert torch.allclose(gate(x), by_head[:, [0, 0, 0, 1, 1, 1]], atol=1e-6)
+        expected = convolution.sent(x)[edges[0]] * gate[:, [0, 0, 1, 1]]
+        assert torch.allclose(convolution(x, edges, gate)[edges[1]], expected, atol=1e-6)
 
 
 def test_receivers_may_be_others_than_senders():
@@ -72,7 +72,7 @@ def test_receivers_may_be_others_than_senders():
     x = torch.randn(3, 5)
     with torch.no_grad():
         edges = torch.tensor([[2, 0, 2], [1, 5, 5]])
-        received = convolution(x, edges, received=Incidence.of_owners(edges[1], 7))
+        received = convolution(x, edges, receivers=7)
         sent = convolution.sent(x)
     assert received.shape == (7, 4)
     assert torch.allclose(received[5], sent[0] + sent[2])
@@ -80,41 +80,34 @@ def test_receivers_may_be_others_than_senders():
     assert not received[[0, 2, 3, 4, 6]].any()
 
 
-def test_messages_in_any_order_and_receiver_by_receiver_sum_to_the_same():
+def test_each_pair_is_followed_by_its_way_back():
+    pairs = torch.tensor([[0, 4], [1, 2]])
+    assert both_ways(pairs).tolist() == [[0, 1, 4, 2], [1, 0, 2, 4]]
+
+
+def test_messages_in_any_order_sum_to_the_same():
     convolution = layer()
     x, gate = torch.randn(6, 5), torch.randn(8, 4)
-    edges = torch.randint(0, 6, (2, 8))
-    order = torch.argsort(edges[1], stable=True)
+    edges, order = torch.randint(0, 6, (2, 8)), torch.randperm(8)
     with torch.no_grad():
         plain = convolution(x, edges, gate)
-        received = Incidence.of_owners(edges[1, order], 6)
-        assert torch.allclose(convolution(x, edges[:, order], gate[order], received), plain, atol=1e-6)
+        assert torch.allclose(convolution(x, edges[:, order], gate[order]), plain, atol=1e-6)
 
 
 def test_pools_share_the_mean_of_what_their_rows_send_and_so_do_gradients():
     torch.manual_seed(0)
     index = torch.tensor([[1, 0, 1, 1, 0], [0, 0, 1, 2, 2]])
-    pools = Pools(index, torch.argsort(index, dim=1))
     given = [torch.randn(size, requires_grad=True) for size in ((5, 3), (4, 3), (4,))]
     message = torch.nn.functional.linear(*given)
     expected = torch.zeros(5, 2)
     for part, numbers in zip(message.chunk(2, dim=1), index, strict=True):
         same = (numbers[:, None] == numbers).float()
         expected = expected + same @ part / same.sum(dim=1, keepdim=True)
-    shared = pools.shared(*given)
+    shared = shared_means(given[0], index, *given[1:])
     assert torch.allclose(shared, expected, atol=1e-6)
     wanted = torch.autograd.grad(expected.square().sum(), given)
     for one, other in zip(torch.autograd.grad(shared.square().sum(), given), wanted, strict=True):
         assert torch.allclose(one, other, atol=1e-5)
-
-
-def test_dropout_acts_in_training_only():
-    convolution = EquationEleven(5, 4, 0.5)
-    x = torch.randn(50, 5)
-    convolution.train()
-    assert not torch.equal(convolution.sent(x), convolution.sent(x))
-    convolution.eval()
-    assert torch.equal(convolution.sent(x), convolution.sent(x))
 
 
 def slices_of(extents, image_of=1):

@@ -54,14 +54,6 @@ def test_slicer_gets_names_colours_and_voxels_back(organs, tmp_path):
     assert np.allclose(np.diag([-1, -1, 1, 1]) @ back["ijkToLPS"], AFFINE)
 
 
-def test_our_own_reader_knows_the_names(organs, tmp_path):
-    from cccd_labels.label_maps import list_map
-
-    path = tmp_path / "segmentation.seg.nrrd"
-    write_segmentation(path, organs, FRAME)
-    assert {label.label: label.name for label in list_map(path)} == {"5": "Liver, whole", "7": "label_7"}
-
-
 def test_a_scene_has_a_named_coloured_node_for_each_organ(organs, tmp_path):
     path = tmp_path / "scene.glb"
     write_scene(path, organs)

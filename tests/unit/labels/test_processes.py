@@ -8,8 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-SCRIPTS = Path(__file__).parents[3] / "scripts"
+from support import SCRIPTS
 
 CODE = """
 import os, sys, time

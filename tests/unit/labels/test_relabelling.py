@@ -79,8 +79,6 @@ def test_shares_of_a_voxel_add_up_to_no_more_than_one(fine):
         (["--voxel", "0.0001"], "give a larger one"),
     ],
 )
-def test_what_cannot_be_is_refused_in_a_line(fine, options, line, capsys):
+def test_what_cannot_be_is_refused_in_a_line(fine, options, line, refused):
     _, _, folder = fine
-    command = ["relabel", str(folder / "map.nii.gz"), *options, "-o", str(folder / "other.nii.gz")]
-    assert main(command) == 1
-    assert line in capsys.readouterr().err
+    assert line in refused("relabel", folder / "map.nii.gz", *options, "-o", folder / "other.nii.gz")

@@ -1,7 +1,6 @@
 """Organs with shared walls: nothing twice, nothing left out, each closed, smooth lines where three meet."""
 
 import functools
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -9,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
+from support import ROOT
 
 from cccd import reconstruct
 from cccd.containers import Frame, Structure
@@ -21,7 +21,7 @@ from cccd_labels.shared_walls import share_walls
 from cccd_labels.surface_nets import surface_nets, well_composed
 from cccd_labels.wall_decimation import simplified
 
-REAL = Path(__file__).parents[4] / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
+REAL = ROOT.parent / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
 CENTRE = np.array([15.6, 15.3, 15.8])
 RADIUS = 11.0
 

@@ -1,16 +1,15 @@
 """`docs/measured.md` shows the committed tables, and what pages say of them holds in them."""
 
 import re
-from pathlib import Path
 
 import pandas as pd
 import pytest
 from keep_tables import TABLES, keep_tables
 from page_tables import table, with_tables
+from support import ROOT
 
 from cccd_paper.comparisons.map_surfaces import GROWN, NETWORK, THRESHOLD
 
-ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 
 

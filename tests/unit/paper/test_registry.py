@@ -1,8 +1,9 @@
 """The registry names what exists, once, and is light enough to be read at every start of the workflow."""
 
 import inspect
-from pathlib import Path
 from typing import get_args
+
+from support import SCRIPTS
 
 from cccd.plugins import find, folders
 from cccd.settings.root import whole_settings
@@ -10,8 +11,6 @@ from cccd_paper.comparisons.baselines.surfaces import FAMILIES, SURFACES
 from cccd_paper.settings import IsosurfaceSettings
 from cccd_workflow.dependencies import imported_files
 from cccd_workflow.report.registry import comparisons, inputs, items, sections
-
-SCRIPTS = Path(__file__).parents[3] / "scripts"
 
 
 def closure(together) -> set[str]:

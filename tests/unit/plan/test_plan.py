@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 from support import fresh, plans
+from support.refusals import refusal
 
 from cccd.errors import InputError
 from cccd.extras import EXTRAS
@@ -341,5 +342,4 @@ def test_planning_imports_neither_arrays_nor_networks_nor_snakemake():
 
 def test_a_run_on_slurm_is_refused_where_none_answers(monkeypatch, tmp_path):
     monkeypatch.setenv("PATH", str(tmp_path))
-    with pytest.raises(InputError, match="no Slurm answers here; start the run where"):
-        check_slurm()
+    assert "no Slurm answers here; start the run where" in refusal(check_slurm)

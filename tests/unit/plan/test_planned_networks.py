@@ -4,8 +4,8 @@ import shutil
 
 import pytest
 from support import plans
+from support.refusals import refusal
 
-from cccd.errors import InputError
 from cccd_workflow.plan.networks import MODEL
 from cccd_workflow.plan.plan import Plan
 
@@ -78,8 +78,8 @@ def test_the_models_that_are_compared():
 
 
 def test_only_another_package_s_network_brings_code():
-    assert plan_of(MAPS).junctions.code == []
-    (path,) = plan_of(MAPS, gnn={"network": "paper"}).junctions.code
+    assert plan_of(MAPS).junctions.code() == []
+    (path,) = plan_of(MAPS, gnn={"network": "paper"}).junctions.code()
     assert not path.startswith("cccd.")
 
 
@@ -102,9 +102,7 @@ def test_only_another_package_s_network_brings_code():
 )
 def test_a_model_that_cannot_be_used_is_refused_before_any_job(config, line):
     shutil.copy(MODELS / "junctions.pt", "mine.pt")
-    with pytest.raises(InputError) as refused:
-        plan_of(MAPS, **config)
-    assert str(refused.value).startswith(line)
+    assert refusal(plan_of, MAPS, **config).startswith(line)
 
 
 def test_a_network_s_name_means_the_weights_that_the_sheet_trains():
@@ -142,6 +140,4 @@ def test_an_installed_program_has_no_weights_here():
     ],
 )
 def test_a_segmenter_that_cannot_be_used_is_refused_before_any_job(name, line):
-    with pytest.raises(InputError) as refused:
-        plan_of(MASK, segmenter=name)
-    assert str(refused.value).startswith(line)
+    assert refusal(plan_of, MASK, segmenter=name).startswith(line)

@@ -3,13 +3,14 @@
 import ast
 import re
 import tomllib
-from pathlib import Path
 
-from cccd.surface.between import DISTANCES
+from support import ROOT, SCRIPTS
+
+from cccd_labels.between import DISTANCES
 from cccd_workflow.report.facts import PACKAGES
 from cccd_workflow.report.measures import MEASURES
 
-PAGE = Path(__file__).parents[3] / "docs" / "tables.md"
+PAGE = ROOT / "docs" / "tables.md"
 
 
 def test_every_column_is_explained():
@@ -24,9 +25,6 @@ def test_every_column_is_explained():
     assert named[2] == set(DISTANCES)
 
 
-ROOT = Path(__file__).parents[3]
-
-
 def test_the_packages_named_are_those_that_are_used():
     # what is declared is imported: tests/unit/test_environment.py
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
@@ -35,7 +33,7 @@ def test_the_packages_named_are_those_that_are_used():
     assert {name.lower() for name in PACKAGES} - {"snakemake"} <= declared
 
 
-FOLDER = Path(__file__).parents[3] / "scripts" / "cccd_workflow" / "report"
+FOLDER = SCRIPTS / "cccd_workflow" / "report"
 
 
 def test_the_reader_alone_names_files():

@@ -4,7 +4,6 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -12,10 +11,11 @@ import pandas as pd
 import pytest
 from PIL import Image
 from PIL.PngImagePlugin import PngInfo
+from support import ROOT
 from support.sample_results import make_metrics, write_run
 
 from cccd.store import write_json, write_table
-from cccd.surface.between import DISTANCES
+from cccd_labels.between import DISTANCES
 from cccd_workflow.report import page, svg
 from cccd_workflow.report.html_tables import table
 from cccd_workflow.report.numerals import number
@@ -25,7 +25,7 @@ from cccd_workflow.report.registry import items
 from cccd_workflow.report.structure_view import build_structure_page, figure_view
 from cccd_workflow.report.summary import benchmark_table, build_tables, read_cohort
 
-TEMPLATES = Path(__file__).parents[3] / "workflow" / "report"
+TEMPLATES = ROOT / "workflow" / "report"
 CONFIG = {"seed": 152, "cohort": "cohort.tsv", "compare": "auto"}
 STRUCTURES = [("phantom", "liver")]
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 from matplotlib.image import imread
-from support.scans import affine_of, chest, full, grey, load_structure, organ, row, settings, write_nifti
+from support import scans
+from support.scans import affine_of, chest, full, grey, organ, write_nifti
 
 from cccd.errors import InputError
 from cccd.settings.imports import RegionSettings
@@ -12,7 +13,7 @@ REGION = {"window": "otsu", "components": 1, "smallest_share": 0.0, "drop_border
 
 
 def load(folder, **region):
-    return load_structure(row(image="image.nii"), folder, settings(region={**REGION, **region}))
+    return scans.load(folder, changes={"region": {**REGION, **region}}, image="image.nii")
 
 
 @pytest.fixture
@@ -52,7 +53,7 @@ def test_lungs_in_a_chest():
 def test_a_row_with_an_image_alone_says_that_it_is_a_threshold_and_has_no_labels(folder):
     assert any("no mask; the organ is found by a threshold" in note for note in load(folder).warnings)
     with pytest.raises(InputError, match=r"row 2: image.nii: .* has no label 'liver'; give"):
-        load_structure(row(image="image.nii", label="liver"), folder, settings())
+        scans.load(folder, image="image.nii", label="liver")
 
 
 def test_picture(folder, tmp_path):

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
+from support.refusals import refusal
 
 pytest.importorskip("monai")
 
@@ -31,8 +32,7 @@ def test_shipped_weights_are_found_by_name_and_strangers_are_not():
     path, organ = find_segmenter("hippocampus")
     assert path.endswith("nnunet.pt")
     assert organ == "hippocampus"
-    with pytest.raises(InputError, match="there is no file heart"):
-        find_segmenter("heart")
+    assert "there is no file heart" in refusal(find_segmenter, "heart")
 
 
 @pytest.mark.parametrize(
@@ -123,8 +123,7 @@ def test_the_decathlon_s_folders_imply_mask_and_label(tmp_path):
     whole = completed(request)
     assert whole.mask == Path("labelsTr/a.nii.gz")
     assert whole.implied == (1, 2)
-    with pytest.raises(InputError, match="is not in imagesTr"):
-        completed(replace(request, image=Path("a.nii.gz")))
+    assert "is not in imagesTr" in refusal(completed, replace(request, image=Path("a.nii.gz")))
 
 
 def test_phantoms_that_train_are_others_and_not_cropped_to_the_organ():

@@ -262,12 +262,11 @@ def test_a_wrong_sheet_is_one_line(tmp_path, text, said):
         ("6 times", "sheet.tsv: the frames leave parts of the time open"),
     ],
 )
-def test_what_a_call_lacks_is_said_before_any_surface_is_made(tmp_path, capsys, words, said):
+def test_what_a_call_lacks_is_said_before_any_surface_is_made(tmp_path, refused, words, said):
     option, times = ([words], ["", "", ""]) if words.startswith("-") else ([], int(words[0]) * ["1"])
     rows = [f"s{n}\tsheet.tsv\t{time}" for n, time in enumerate(times)]
     (tmp_path / "sheet.tsv").write_text("\n".join(["name\tmask\ttime", *rows]))
-    assert main(["shapes", str(tmp_path / "sheet.tsv"), "-o", str(tmp_path / "model"), *option]) == 1
-    assert said in capsys.readouterr().err
+    assert said in refused("shapes", tmp_path / "sheet.tsv", "-o", tmp_path / "model", *option)
     assert not (tmp_path / "model").exists()
 
 
@@ -282,12 +281,3 @@ def test_groups_that_cannot_be_compared_are_said_and_nothing_of_another_sheet_st
         assert "p" not in made
     assert "wrong does not fit: " in (tmp_path / "modes.html").read_text()
     assert not old.exists()
-
-
-def test_the_wider_shape_is_reached_from_the_narrower_one():
-    mesh = body()
-    far = mesh.vertices * (1, 1, 1.33)  # a third longer, and bent
-    far[:, 0] += far[:, 2] ** 2 / 60
-    fit = fit_template(Template(control_mesh_of(mesh, POINTS)), Mesh(far, mesh.faces))
-    assert fit.rms < 0.15
-    assert fit.crossings == 0

@@ -7,9 +7,7 @@ from support.shapes import SETTINGS, ball, curves_of
 
 from cccd.containers import Sections
 from cccd.geometry.mesh import Mesh
-from cccd.inputs import structure_of_array
-from cccd.settings.imports import ImportSettings
-from cccd.surface.checks import check_surface, check_walls
+from cccd.surface.checks import check_surface
 from cccd.surface.stack import SliceStack, interpolate_slices
 
 #: Words of the lines about a surface that lies too far from the slices.
@@ -38,6 +36,11 @@ def sphere(stack: SliceStack, radius=20.0, centre=(30.0, 30.0, 30.0)) -> Mesh:
     return mesh.transformed(np.linalg.inv(stack.to_world))
 
 
+def place_of(line: str) -> np.ndarray:
+    """The place, mm, at the end of a line."""
+    return np.array([float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")])
+
+
 def problems(mesh: Mesh, stack: SliceStack) -> str:
     return "\n".join(violation.problem for violation in check_surface(mesh, stack))
 
@@ -62,6 +65,8 @@ def test_a_needle_is_found_where_it_is(stack, factor):
     assert found
     ends = np.concatenate([violation.places for violation in found])
     assert np.linalg.norm(ends - tip, axis=1).min() < 1e-9
+    world = ends @ stack.to_world[:3, :3].T + stack.to_world[:3, 3]
+    assert np.linalg.norm(world - place_of(found[0].line(stack.to_world)), axis=1).min() < 0.1
 
 
 @settings(max_examples=25, deadline=None)
@@ -96,25 +101,6 @@ def test_passing_through_itself_and_being_open_are_found(stack):
     moved = Mesh(one.vertices + np.array([3.1, 0.7, 0.3]), one.faces)
     assert "intersects itself" in problems(Mesh.joined([one, moved]), stack)
     assert "not closed" in problems(Mesh(one.vertices, one.faces[1:]), stack)
-
-
-def test_shared_walls_are_checked_by_the_organ_s_voxels():
-    structure = structure_of_array(ball(), np.eye(4), ImportSettings())
-    mesh = solids.sphere(20.0, (30.0, 30.0, 30.0))
-    assert check_walls(mesh, structure) == []
-    needle, tip = pulled(mesh, 2.0)
-    (line,) = check_walls(needle, structure)
-    place = [float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")]
-    assert "from the organ's voxels" in line
-    assert np.abs(place - tip).max() <= 0.05
-
-
-def test_the_line_has_the_place_in_mm_of_the_world(stack):
-    mesh, _ = pulled(sphere(stack), 2.0)
-    found = next(violation for violation in check_surface(mesh, stack) if is_near(violation))
-    line = found.line(stack.to_world)
-    place = np.array([float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")])
-    assert 22 < np.linalg.norm(place - 30) < 42
 
 
 def test_thick_slices_leave_the_surface_room_between_them():

@@ -111,12 +111,6 @@ def test_a_slice_stays_on_its_side():
     assert np.array_equal(values < 0, planes < 0)
 
 
-def test_it_looks_nearby_and_alike_to_all_sides():
-    seen = {tuple(step) for step in learned_distance.OFFSETS}
-    assert len(seen) == len(learned_distance.OFFSETS)
-    assert all((-s, i, j) in seen and (s, j, i) in seen and (s, -i, j) in seen for s, i, j in seen)
-
-
 def test_the_name_of_the_weights_is_theirs():
     assert (
         hashlib.sha256(Path(learned_distance.WEIGHTS).read_bytes()).hexdigest()

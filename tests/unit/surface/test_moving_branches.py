@@ -4,12 +4,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import interp1d
 from scipy.spatial import cKDTree
-from support.shapes import curves_of
+from support.shapes import lofted
 
 from cccd.bands import Slices
-from cccd.containers import Sections
-from cccd.settings.surface import LoftSettings
-from cccd.surface.loft import loft_surface
 from cccd.surface.moving_branches import SliceParts, follow_branches, move_branches
 
 PIXEL, GAP = np.ones(2), 5.0
@@ -56,8 +53,7 @@ def stack(*planes, parts=4):
 )
 def test_a_vessel_that_runs_aslant_is_one_tube_of_its_radius(radius, angle, spacing):
     points = line(angle)
-    curves = curves_of(away(points, spacing) < radius, spacing)
-    mesh = loft_surface(Sections(curves), LoftSettings()).mesh
+    mesh = lofted(away(points, spacing) < radius, spacing).mesh
     assert mesh.count_bodies() == 1
     assert mesh.is_closed_manifold
     wall = np.ptp(points[:, 2]) / 2 - GAP > np.abs(mesh.vertices[:, 2] - 45)  # its ends lie between slices
@@ -70,8 +66,7 @@ def test_a_thin_coil_is_one_tube_though_its_sections_turn_from_slice_to_slice():
     points = np.column_stack(
         [40 + 16 * np.cos(angle), 40 + 16 * np.sin(angle), 10 + 45 * angle / (2 * np.pi)]
     )
-    curves = curves_of(away(points, (0.75, 0.75, 5)) < 1.6, (0.75, 0.75, 5))
-    mesh = loft_surface(Sections(curves), LoftSettings()).mesh
+    mesh = lofted(away(points, (0.75, 0.75, 5)) < 1.6, (0.75, 0.75, 5)).mesh
     assert mesh.count_bodies() == 1
     assert np.mean(np.abs(cKDTree(points).query(mesh.vertices)[0] - 1.6)) < 0.2
 
@@ -82,7 +77,7 @@ def test_a_thin_tunnel_that_runs_aslant_through_a_block_is_open_from_end_to_end(
     inside[8:-8, 8:-8, 3:-3] = True
     tunnel = line(50, length=120, middle=(33.5, 33.5, 34.0))
     inside &= away(tunnel, spacing, size=inside.shape * spacing + 0.1) > 1.2
-    surface = loft_surface(Sections(curves_of(inside, spacing)), LoftSettings())
+    surface = lofted(inside, spacing)
     assert surface.mesh.genus == 1
 
 
@@ -92,8 +87,7 @@ def test_a_branch_that_leaves_its_trunk_aslant_hangs_on_it():
     branch = line(65, length=70, middle=(25, 30, 25))
     branch = branch[branch[:, 2] > 25]
     inside = (away(trunk, spacing) < 7) | (away(branch, spacing) < 1.7)
-    curves = curves_of(inside, spacing)
-    assert loft_surface(Sections(curves), LoftSettings()).mesh.count_bodies() == 1
+    assert lofted(inside, spacing).mesh.count_bodies() == 1
 
 
 @given(st.floats(0, 2.5), st.floats(0, np.pi), st.floats(3.5, 5.0))

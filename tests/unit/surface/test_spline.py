@@ -7,26 +7,19 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_dilation, binary_erosion, binary_opening, gaussian_filter, label
-from support.shapes import assert_sound, ball, curves_of, fork, grid
+from support.shapes import assert_sound, ball, grid, lofted
 from support.solids import mesh_of, sphere
 from trimesh import creation
 
 import cccd
-from cccd.containers import Sections
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import SHARP, ControlMesh
-from cccd.settings.surface import LoftSettings
 from cccd.surface import spline
 from cccd.surface.control_mesh import control_mesh, join_in_pairs, open_edges, split_to_quads, unfold
-from cccd.surface.loft import loft_surface
 from cccd.surface.spline import SplineFit, Target
 
 NOWHERE = (-np.inf, np.inf)
-
-
-def lofted(mask, spacing=(1.0, 1.0, 1.0)):
-    return loft_surface(Sections(curves_of(mask, spacing)), LoftSettings())
 
 
 def test_thick_slices_of_a_ball():
@@ -107,14 +100,6 @@ def test_a_low_block_that_the_scan_cuts_on_both_sides_keeps_its_walls(depth):
     assert_sound(surface)
     assert surface.mesh.genus == 1
     assert surface.mesh.volume == pytest.approx(mask.sum(), rel=0.001)
-
-
-def test_branches_are_one_body():
-    surface = lofted(fork())
-    assert_sound(surface)
-    assert len(surface.bodies) == 1
-    assert surface.mesh.genus == 0
-    assert surface.mesh.volume == pytest.approx(fork().sum(), rel=0.001)
 
 
 def test_what_crosses_in_the_control_mesh_too_evens_out():

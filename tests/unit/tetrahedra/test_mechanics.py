@@ -48,7 +48,7 @@ def test_a_lofted_bar_bends_as_timoshenko_says():
     i, j = np.indices((24, 24)) - 11.5
     mask = np.repeat((i**2 + j**2 < 7.5**2)[:, :, None], 30, axis=2)
     surface = cccd.reconstruct(mask, np.diag([1.0, 1.0, 2.0, 1.0])).lofted
-    settings = TetrahedraSettings(edge_mm=6, tolerance_mm=0.3)
+    settings = TetrahedraSettings(edge_mm=7.5, tolerance_mm=0.4)
     filled = fill_organs({"bar": surface.mesh}, settings, {"bar": surface.frame})
     cut = np.unique(filled.group("cut"))
     z = filled.vertices[:, 2]

@@ -2,7 +2,6 @@
 
 import csv
 import functools
-import json
 
 import numpy as np
 import pytest
@@ -12,6 +11,7 @@ from support.solids import mesh_of
 from support.tubes import Tube, helix, straight, turned, voxels
 
 import cccd
+from cccd.cli import main
 from cccd.errors import InputError
 from cccd.geometry.mesh import Mesh
 from cccd.inputs.nifti_export import write_nifti
@@ -230,24 +230,17 @@ def test_morphio_reads_the_samples(forked, tmp_path):
     assert sums == pytest.approx(sorted(branch.length for branch in forked.branches), rel=1e-3)
 
 
-def test_the_command_writes_what_it_prints(tmp_path, monkeypatch, capsys):
-    from cccd.cli import main
-
-    monkeypatch.chdir(tmp_path)
+def test_the_command_writes_what_it_prints(here, capsys, refused, answer):
     mask, affine = voxels([straight((0, 0, 0), (10, 6, 60), 5.0)], FINE)
-    write_nifti(tmp_path / "duct.nii.gz", mask.astype(np.uint8), affine)
+    write_nifti(here / "duct.nii.gz", mask.astype(np.uint8), affine)
     assert main(["centrelines", "duct.nii.gz"]) == 0
     printed = capsys.readouterr().out
     assert "duct_centrelines.csv" in printed
-    assert main(["centrelines", "duct.nii.gz", "-o", "duct.swc", "--json"]) == 0
-    (branch,) = json.loads(capsys.readouterr().out)["branches"]
+    (branch,) = answer("centrelines", "duct.nii.gz", "-o", "duct.swc")["branches"]
     assert branch["mean_radius_mm"] == pytest.approx(5, abs=0.05)
-    for arguments, words in {
-        ("-o", "duct.xyz"): "choose one of .csv, .vtp, .swc",
-        ("--root", "3;4"): "--root: '3;4' is not a point",
-    }.items():
-        assert main(["centrelines", "duct.nii.gz", *arguments]) == 1
-        assert words in capsys.readouterr().err
+    asked = ("centrelines", "duct.nii.gz")
+    assert "choose one of .csv, .vtp, .swc" in refused(*asked, "-o", "duct.xyz")
+    assert "--root: '3;4' is not a point" in refused(*asked, "--root", "3;4")
 
 
 @pytest.mark.skipif(not AIRWAY.is_file(), reason="the real scans are not at ../shared/data")

@@ -86,7 +86,7 @@ def half(nodes, ends, low, high):
     return np.full(len(nodes), 0.5)
 
 
-@settings(deadline=None, max_examples=25)
+@settings(deadline=None, max_examples=12)
 @given(st.integers(0, 2**32 - 1), st.integers(2, 4))
 def test_collapsed_walls_of_noise_keep_their_topology(seed, count):
     random = np.random.default_rng(seed)

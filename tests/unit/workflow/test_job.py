@@ -1,15 +1,12 @@
-import errno
 import subprocess
 import sys
 import textwrap
-from pathlib import Path
 
 import pytest
+from support import SCRIPTS
 
 from cccd.errors import InputError
-from cccd_workflow.job import BATCH, job, take_placeholders_away
-
-SCRIPTS = Path(__file__).parents[3] / "scripts"
+from cccd_workflow.job import BATCH, take_placeholders_away
 
 
 def run_job(body, log, files="", **batch):
@@ -63,12 +60,6 @@ def test_a_job_that_is_killed_leaves_its_line(tmp_path):
     log = tmp_path / "job.log"
     assert run_job("import os; os.kill(os.getpid(), 9)", log).returncode == -9
     assert log.with_name("job.log.failed").read_text().startswith("case/organ: ended without a message")
-
-
-def test_disk_full_in_a_library_call_is_named(tmp_path):
-    with pytest.raises(SystemExit) as error, job(tmp_path / "job.log", "x"):
-        raise OSError(errno.ENOSPC, "No space left on device")
-    assert error.value.code == 1
 
 
 def test_an_input_error_survives_pickling():

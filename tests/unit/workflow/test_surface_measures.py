@@ -13,7 +13,6 @@ from cccd_workflow.surface_measures import (
     bending_per_area,
     measure_mesh,
     normal_angles,
-    surface_distances,
     volume_warnings,
 )
 
@@ -74,10 +73,3 @@ def test_two_empty_regions_agree():
     assert dice(nothing, nothing) == 1
     with pytest.raises(ValueError, match="differ in shape"):
         dice(nothing, np.zeros((2, 3), bool))
-
-
-def test_distances_are_seeded():
-    first, second = (
-        surface_distances(sphere(10), sphere(11), np.random.default_rng(3), 500) for _ in range(2)
-    )
-    assert first == second

@@ -1,8 +1,7 @@
-from pathlib import Path
-
 import numpy as np
 import pandas as pd
 import pytest
+from support import ROOT
 
 from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
@@ -14,15 +13,12 @@ from cccd_paper.comparisons.parameters import (
     CHAIN_BEST,
     CHAIN_GRID,
     GRID,
-    PAPER_FIGURE_9,
-    PAPER_TABLE_2,
     grid_points,
     open_edges,
     parameter_sets,
 )
 from cccd_paper.comparisons.pixel_corners import susan
 
-ROOT = Path(__file__).parents[4]
 CORNERS = {(15, 20), (15, 49), (44, 20), (44, 49)}
 
 
@@ -99,13 +95,8 @@ def test_the_best_are_what_the_searches_found():
     assert not table["edges"].any()
 
 
-def test_the_registry_is_complete():
-    assert set(CORNER_DETECTORS) == set(GRID) == {"harris", "shi_tomasi", "fast", "susan"}
-    assert set(PAPER_FIGURE_9) == set(PAPER_TABLE_2) == {"harris", "shi_tomasi", "fast"}
-    assert set(RECONSTRUCTIONS) == {
-        "connect2d", "crawl", "nn_crust", "crust", "peel", "gathan", "sigdt", "hnn_crust", "tour",
-    }  # fmt: skip
-    assert set(CONTOURS) == {"corners", "grey"}
+def test_every_method_has_a_title_of_its_own():
+    assert set(CORNER_DETECTORS) == set(GRID)
     for family in (CORNER_DETECTORS, RECONSTRUCTIONS, CONTOURS, SURFACES, DECODERS):
         assert all(callable(method.run) and method.title and method.note for method in family.values())
         assert len({method.title for method in family.values()}) == len(family)

@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from cccd_paper.junctions.general_gnn import (
-    CHANNELS,
     EPSILON,
     MESSAGE_PASSING,
     POST_PROCESS,
@@ -68,13 +67,6 @@ def dense_general_gnn(model, x, adjacency):
         received = adjacency @ dense_layer(x, part, prelu(part["activation.weight"]))
         x = np.concatenate([received, x], axis=1)
     return x
-
-
-def test_the_sizes_are_those_of_spektral():
-    assert (CHANNELS, MESSAGE_PASSING, PRE_PROCESS, POST_PROCESS) == (256, 4, 2, 2)
-    model = GeneralGNN(1)
-    assert model.width_out == 5 * 256  # every layer's output is joined to its input
-    assert [layer.dense.in_features for layer in model.layers] == [256, 512, 768, 1024]
 
 
 def test_the_network_is_its_dense_evaluation():

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from support.refusals import refusal
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("monai")
@@ -56,8 +57,7 @@ def test_no_patient_is_on_both_sides_of_the_split():
     assert {scan.patient for scan in training}.isdisjoint(scan.patient for scan in held)
     assert len(training) + len(held) == 30
     assert len({scan.patient for scan in held}) == 2
-    with pytest.raises(InputError, match="it has 1 patient"):
-        split_patients(scans[:3], 0.2, seed=5)
+    assert "it has 1 patient" in refusal(split_patients, scans[:3], 0.2, seed=5)
 
 
 def test_scans_of_two_modalities_are_refused():
@@ -192,8 +192,7 @@ def test_another_modality_and_another_spacing_are_warned_of_with_both(trained, t
     assert notes[0] == "strange.nii looks like CT, and the segmenter was trained on MR"
     assert "voxels of 3 x 3 x 3 mm" in notes[1]
     assert "1 x 1 x 1 mm" in notes[1]
-    with pytest.raises(InputError, match="not a segmentation network of this version"):
-        segment(scan, __file__, "ball")
+    assert "not a segmentation network of this version" in refusal(segment, scan, __file__, "ball")
 
 
 def test_other_grey_values_and_weights_of_phantoms_are_warned_of(trained):
@@ -210,5 +209,4 @@ def test_a_file_of_another_network_is_refused(trained, tmp_path):
     save_segmenter(
         tmp_path / "model.pt", trained.model, replace(trained.plan, network="unet_3plus", sizes={})
     )
-    with pytest.raises(InputError, match="its weights are not those of unet_3plus"):
-        load_segmenter(tmp_path / "model.pt")
+    assert "its weights are not those of unet_3plus" in refusal(load_segmenter, tmp_path / "model.pt")
