@@ -362,13 +362,11 @@ class Band:
             return []
         return [f"the error band is extrapolated: the calibration has no slices {ratio:.2g} pixels apart"]
 
-    def inner_mesh(self, mesh: Mesh) -> Mesh:
-        """Move the band's mesh inwards; it may pass through itself where the organ is thinner than that."""
-        return Mesh(mesh.vertices - self.inner[:, None] * mesh.vertex_normals, mesh.faces)
-
-    def outer_mesh(self, mesh: Mesh) -> Mesh:
-        """Move the band's mesh outwards."""
-        return Mesh(mesh.vertices + self.outer[:, None] * mesh.vertex_normals, mesh.faces)
+    def sides(self, mesh: Mesh) -> dict[str, Mesh]:
+        """Move the band's mesh ``inner`` and ``outer``; in thin organs inner may pass through itself."""
+        points, normals = mesh.vertices, mesh.vertex_normals
+        moves = {"inner": -self.inner, "outer": self.outer}
+        return {name: Mesh(points + by[:, None] * normals, mesh.faces) for name, by in moves.items()}
 
     def moved_to(self, vertices: FloatArray, points: FloatArray) -> Band:
         """Return the band at other points (P, 3): that of the nearest of its ``vertices`` (V, 3)."""

@@ -7,7 +7,6 @@ structure goes the workflow decides from the cohort sheet, before any job starts
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from functools import lru_cache
 from itertools import pairwise
 from typing import cast
 
@@ -18,7 +17,6 @@ from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import (
     FloatArray,
-    RealArray,
     concatenate_ragged,
     owners_of,
     split_ragged,
@@ -107,7 +105,8 @@ def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:
     for layer in np.flatnonzero((stack.values >= 0.5).any(axis=(1, 2))):
         outside = np.pad(0.5 - stack.values[layer].astype(float), 1, constant_values=0.5)
         field = np.copysign(np.maximum(np.abs(outside), NEAREST_HALF), np.where(outside > 0, 1.0, -1.0))
-        found = [line[:-1] - 1 for line in zero_contours(field)]
+        closed = cast("list[FloatArray]", contourpy.contour_generator(z=field).lines(0.0))
+        found = [line[:-1, ::-1] - 1 for line in closed]  # contourpy's are (j, i), the first point once more
         lines += found
         layers += [int(layer)] * len(found)
     points, offsets = concatenate_ragged(lines)
@@ -173,30 +172,6 @@ def _loops(walk: Sequence[Hashable]) -> list[list[int]]:
             del height[walk[m]]
         del stack[bottom + 1 :]
     return [loop for loop in [*loops, stack] if len(loop) >= 3]
-
-
-def zero_contours(plane: RealArray) -> list[FloatArray]:
-    """Contours (n, 2) in pixels along which a plane (I, J) is zero, each with its first point once more.
-
-    Around what is negative they run counter-clockwise in (i, j), around holes in it clockwise.
-
-    Examples
-    --------
-    >>> plane = np.ones((3, 3))
-    >>> plane[1, 1] = -1
-    >>> zero_contours(plane)[0].tolist()
-    [[0.5, 1.0], [1.0, 0.5], [1.5, 1.0], [1.0, 1.5], [0.5, 1.0]]
-    """
-    rows, columns = _pixel_grid(*plane.shape)
-    generator = contourpy.contour_generator(columns, rows, plane)
-    return [line[:, ::-1] for line in cast("list[FloatArray]", generator.lines(0.0))]
-
-
-@lru_cache(maxsize=4)
-def _pixel_grid(height: int, width: int) -> tuple[FloatArray, FloatArray]:
-    """Rows and columns (H, W) of a plane's pixels, which contourpy would make anew for every plane."""
-    rows, columns = np.indices((height, width), float)
-    return rows, columns
 
 
 _CHANGED = "its file has changed since the run was planned: run snakemake again"

@@ -43,7 +43,8 @@ def missing_extra(error: ModuleNotFoundError, location: str, extra: str = "") ->
     """
     module = _top_level(error)
     bringing = [name for name, modules in EXTRAS.items() if module in modules]
-    return _not_installed(module, extra if extra in bringing else [*bringing, "all"][0], location)
+    named = extra if extra in bringing else [*bringing, "all"][0]
+    return InputError(location, f"{module} is not installed", how_to_install(named))
 
 
 def _top_level(error: ModuleNotFoundError) -> str:
@@ -96,11 +97,7 @@ def check_extra(extra: str, location: str) -> None:
     """
     for module in EXTRAS[extra]:
         if importlib.util.find_spec(module) is None:
-            raise _not_installed(module, extra, location)
-
-
-def _not_installed(module: str, extra: str, location: str) -> InputError:
-    return InputError(location, f"{module} is not installed", how_to_install(extra))
+            raise missing_extra(ModuleNotFoundError(name=module), location, extra)
 
 
 def how_to_install(extra: str) -> str:

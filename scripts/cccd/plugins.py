@@ -114,12 +114,8 @@ def folders() -> tuple[Path, ...]:
     return tuple(beside / name for name in PACKAGES if (beside / name / "__init__.py").is_file())
 
 
-def own_rows(name: str) -> Mapping[str, Any]:
-    """Rows of one table that the core itself has."""
-    return _rows_of(PACKAGES[0], name)
-
-
-def _rows_of(package: str, name: str) -> Mapping[str, Any]:
+def own_rows(name: str, package: str = PACKAGES[0]) -> Mapping[str, Any]:
+    """Rows of one table that the core itself has, or another package."""
     return getattr(import_module(f"{package}.plugin"), name, {})
 
 
@@ -165,7 +161,7 @@ def table(name: str) -> Mapping[str, Any]:
     for folder in folders():
         if not (folder / "plugin.py").is_file():
             continue
-        more = _rows_of(folder.name, name)
+        more = own_rows(name, folder.name)
         if taken := rows.keys() & more:
             raise ValueError(f"{folder.name}: {name} has a row {min(taken)!r} already")
         rows |= more

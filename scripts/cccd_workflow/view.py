@@ -71,8 +71,8 @@ def make_view(
         moved = band.moved_to(surface.vertices, shown.vertices)
         values["band"] = moved.inner + moved.outer
         slices = np.arange(curves.slice.min(), curves.slice.max() + 1)
-        sides = {"inner": band.inner_mesh(surface), "outer": band.outer_mesh(surface)}
-        lines = {name: lines_on_slices(side, curves.frame, slices) for name, side in sides.items()}
+        sides = band.sides(surface).items()
+        lines = {name: lines_on_slices(side, curves.frame, slices) for name, side in sides}
     reference, name = reference_surface(structure, cubes) or (None, "")
     if reference is not None:
         values["distance"] = to_mesh(shown.vertices, reference)

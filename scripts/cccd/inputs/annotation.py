@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -27,14 +26,6 @@ SOLID = 0.5
 LINES = 1 / 3
 #: Planes across the slices must account for this share of what such slices hold.
 EXPLAINED = 0.9
-
-
-@dataclass(frozen=True, eq=False)
-class _Drawn:
-    """What of a stack was drawn: slices (D,) ascending, and planes across them (axis of i or j, position)."""
-
-    slices: IntArray
-    planes: list[tuple[int, int]]
 
 
 def find_annotation(stack: BoolArray, origin: IntArray, rule: str, location: str) -> Annotation | None:
@@ -72,14 +63,14 @@ def find_annotation(stack: BoolArray, origin: IntArray, rule: str, location: str
     """
     if rule == EVERY_SLICE:
         return None
-    drawn = drawn_slices(stack)
-    if len(drawn.slices) < LEAST_SLICES:
+    slices, across = drawn_slices(stack)
+    if len(slices) < LEAST_SLICES:
         if rule == AUTO:
             return None
-        count = f"it is annotated on {len(drawn.slices)} slice{'s'[: len(drawn.slices) > 1]}"
+        count = f"it is annotated on {len(slices)} slice{'s'[: len(slices) > 1]}"
         raise InputError(location, count, f"annotate at least {LEAST_SLICES} slices along the slice axis")
-    gaps = np.diff(drawn.slices)
-    if gaps.max() == 1 or (rule == AUTO and not _is_sparse(stack[drawn.slices], gaps)):
+    gaps = np.diff(slices)
+    if gaps.max() == 1 or (rule == AUTO and not _is_sparse(stack[slices], gaps)):
         return None
     guides = tuple(
         Guide(
@@ -88,23 +79,30 @@ def find_annotation(stack: BoolArray, origin: IntArray, rule: str, location: str
             np.moveaxis(stack, 1 + axis, 0)[position],
             origin[[0, 2 - axis]],
         )
-        for axis, position in drawn.planes
+        for axis, position in across
     )
-    return Annotation(drawn.slices + int(origin[0]), guides)
+    return Annotation(slices + int(origin[0]), guides)
 
 
-def drawn_slices(stack: BoolArray) -> _Drawn:
+def drawn_slices(stack: BoolArray) -> tuple[IntArray, list[tuple[int, int]]]:
     """Tell the slices of a stack (S, I, J) that were drawn from those that planes across them only cross.
 
     Such a slice holds lines; planes are found where lines of neighbouring slices make an area. Without planes
     that account for the lines, all slices that are not empty are drawn.
+
+    Returns
+    -------
+    slices : (D,) int
+        Ascending.
+    planes : list of (int, int)
+        Axis of each plane across them, 0 for i and 1 for j, and its position.
     """
     filled: BoolArray = np.any(stack, axis=(1, 2))
     pixels = np.count_nonzero(stack, axis=(1, 2))
     squares = np.array([np.count_nonzero(_in_squares(plane[None])) for plane in stack])
     lines = filled & (squares < SOLID * pixels)
     if not filled.sum() * LINES <= lines.sum() < filled.sum():
-        return _Drawn(np.flatnonzero(filled), [])
+        return np.flatnonzero(filled), []
     rest = stack & lines[:, None, None]
     explained = np.zeros_like(rest)
     planes: list[tuple[int, int]] = []
@@ -116,8 +114,8 @@ def drawn_slices(stack: BoolArray) -> _Drawn:
         np.moveaxis(explained, 1 + axis, 0)[drawn] = across[drawn]
         planes += [(axis, int(position)) for position in drawn]
     if np.count_nonzero(explained) < EXPLAINED * np.count_nonzero(rest):
-        return _Drawn(np.flatnonzero(filled), [])
-    return _Drawn(np.flatnonzero(filled & ~lines), planes)
+        return np.flatnonzero(filled), []
+    return np.flatnonzero(filled & ~lines), planes
 
 
 def _in_squares(planes: BoolArray) -> BoolArray:

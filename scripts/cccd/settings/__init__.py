@@ -8,13 +8,22 @@ settings runs no other again; `cccd.settings.root` holds them all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from inspect import Parameter, Signature
-from types import NoneType
-from typing import Annotated, Any, Literal, TypeVar, cast, get_args, get_origin
+from typing import Any, TypeVar, cast
 
-from pydantic import BaseModel, ConfigDict, Field, GetCoreSchemaHandler, GetJsonSchemaHandler, model_validator
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    ValidationError,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
 from pydantic_core import PydanticKnownError, core_schema
 
 _T = TypeVar("_T")
@@ -79,64 +88,35 @@ class Section(BaseModel):
         super().__pydantic_init_subclass__(**kwargs)
         cls.__signature__ = Signature([Parameter("keys", Parameter.VAR_KEYWORD)])
 
-    @model_validator(mode="before")
+    @field_validator("*", mode="wrap")
     @classmethod
-    def _read_values(cls, data: Any) -> Any:
-        if not isinstance(data, Mapping):
-            return data
-        fields = {field.alias or name: field for name, field in cls.model_fields.items()}
-        given = cast(Mapping[Any, Any], data)
-        return {
-            key: _read(value, _kinds(fields[key].annotation)) if key in fields else value
-            for key, value in given.items()
-        }
+    def _read(cls, value: Any, check: ValidatorFunctionWrapHandler) -> Any:
+        if isinstance(value, str) and _read_value(value) is None:
+            with suppress(ValidationError):
+                return check(None)  # a text may be None, and is not to be the text "null"
+        try:
+            return check(value)
+        except ValidationError:
+            read = _read_value(value)
+            if type(read) is type(value):
+                raise
+            return check(read)
 
     def as_config(self) -> dict[str, Any]:
         """Return the section as plain values: what YAML holds and rules hand to jobs."""
         return self.model_dump(mode="json", by_alias=True)
 
 
-def _kinds(annotation: Any) -> frozenset[Any]:
-    """Types and literal values that a field's value, or the parts of it, may be."""
-    if get_origin(annotation) is Literal:
-        return frozenset(get_args(annotation))
-    if get_origin(annotation) is dict:
-        return _kinds(get_args(annotation)[1])
-    if get_origin(annotation) is Annotated:
-        return _kinds(get_args(annotation)[0])
-    if parts := get_args(annotation):
-        return frozenset[Any]().union(*(_kinds(part) for part in parts))
-    return frozenset([annotation])
-
-
-def _read(value: Any, kinds: frozenset[Any]) -> Any:
-    """Return a value as the field's kinds want it; what cannot be read so is left to pydantic to refuse."""
-    if isinstance(value, Mapping):
-        if any(isinstance(kind, type) and issubclass(kind, Section) for kind in kinds):
-            return cast(Any, value)  # the section reads its own
-        return {key: _read(part, kinds) for key, part in cast(Mapping[Any, Any], value).items()}
-    if isinstance(value, (list, tuple)):
-        return tuple(_read(part, kinds) for part in cast(list[Any], value))
-    if isinstance(value, str) and value not in kinds:
-        if str not in kinds:
-            value = _read_text(value)
-        elif NoneType in kinds and _WORDS.get(value.lower(), value) is None:
-            return None
-    if isinstance(value, float) and value.is_integer() and float not in kinds:
-        return int(value)
-    return value
-
-
-def _read_text(text: str) -> Any:
-    """Return the number, boolean or null that a text stands for, or the text."""
-    if text.lower() in _WORDS:
-        return _WORDS[text.lower()]
-    for number in (int, float):
-        try:
-            return number(text)
-        except ValueError:
-            continue
-    return text
+def _read_value(value: Any) -> Any:
+    """Return the number, boolean or null that a text stands for, tuples for lists, and 2 for 2.0."""
+    if isinstance(value, list):
+        return tuple(map(_read_value, cast(list[Any], value)))
+    if isinstance(value, str):
+        if value.lower() in _WORDS:
+            return _WORDS[value.lower()]
+        with suppress(ValueError):
+            value = float(value)
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 @dataclass(frozen=True)

@@ -92,8 +92,8 @@ class LoftedSurface:
         """Return the error band's surfaces, ``inner`` and ``outer``; nothing without a band."""
         if self.band is None:
             return {}
-        meshes = {"inner": self.band.inner_mesh(self.mesh), "outer": self.band.outer_mesh(self.mesh)}
-        return {name: replace(self, bodies=[], mesh=mesh, band=None) for name, mesh in meshes.items()}
+        meshes = self.band.sides(self.mesh).items()
+        return {name: replace(self, bodies=[], mesh=mesh, band=None) for name, mesh in meshes}
 
     @property
     def faces(self) -> IntArray:
