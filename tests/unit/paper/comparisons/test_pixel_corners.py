@@ -99,9 +99,13 @@ def test_the_best_are_what_the_searches_found():
     assert not table["edges"].any()
 
 
-def test_every_method_has_a_title_of_its_own_and_a_note():
-    assert set(CORNER_DETECTORS) == set(GRID)
+def test_the_registry_is_complete():
+    assert set(CORNER_DETECTORS) == set(GRID) == {"harris", "shi_tomasi", "fast", "susan"}
     assert set(PAPER_FIGURE_9) == set(PAPER_TABLE_2) == {"harris", "shi_tomasi", "fast"}
+    assert set(RECONSTRUCTIONS) == {
+        "connect2d", "crawl", "nn_crust", "crust", "peel", "gathan", "sigdt", "hnn_crust", "tour",
+    }  # fmt: skip
+    assert set(CONTOURS) == {"corners", "grey"}
     for family in (CORNER_DETECTORS, RECONSTRUCTIONS, CONTOURS, SURFACES, DECODERS):
         assert all(callable(method.run) and method.title and method.note for method in family.values())
         assert len({method.title for method in family.values()}) == len(family)
