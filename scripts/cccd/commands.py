@@ -399,7 +399,8 @@ def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Se
     """Make one surface and write it; what there is to say of it."""
     from tqdm import tqdm
 
-    from cccd.api import check_references, reconstruct
+    import cccd
+    from cccd.api import check_references
 
     began = time.perf_counter()
     with tqdm(total=len(_STEPS), disable=None, leave=False, bar_format="{desc:<12}{bar:30} {elapsed}") as bar:
@@ -414,7 +415,7 @@ def _make_surface(given: argparse.Namespace, files: Sequence[Path], settings: Se
         for note in structure.warnings:
             if isinstance(note, EarlyWarning):
                 tqdm.write(f"warning: {note}", file=sys.stderr)
-        surface = uniform(reconstruct(structure, settings=settings, progress=tell), given)
+        surface = uniform(cccd.reconstruct(structure, settings=settings, progress=tell), given)
         tell("writing")
         samples = [] if given.samples is None else surface.samples(given.samples)
         files = [
