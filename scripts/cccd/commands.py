@@ -268,10 +268,7 @@ class _Formats:
     """Suffixes of all formats, which are looked up only where the help is printed."""
 
     def __str__(self) -> str:
-        kinds = {"mesh": "meshes and others", "solids": "solids", "tetrahedra": "tetrahedra"}
-        return "; ".join(
-            f"{text}: {' '.join(f'.{name}' for name in formats(kind))}" for kind, text in kinds.items()
-        )
+        return " ".join(f".{name}" for name in formats())
 
 
 def add_surface(command: argparse.ArgumentParser) -> None:
@@ -282,8 +279,8 @@ def add_surface(command: argparse.ArgumentParser) -> None:
     shape = command.add_argument_group("the surface")
     output = written.add_argument(
         "-o", "--output", type=Path, action="append", default=[], metavar="FILE",
-        help="output file, repeatable. The suffix chooses the format: %(formats)s. Default: the input's name "
-        "with .ply (with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
+        help="output file, repeatable. The suffix chooses the format, one of %(formats)s. Default: the "
+        "input's name with .ply (with --seed: _seeded.ply, with --threshold: _threshold.ply), in this folder",
     )  # fmt: skip
     vars(output)["formats"] = _Formats()
     written.add_argument(

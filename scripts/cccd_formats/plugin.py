@@ -2,11 +2,7 @@
 
 from cccd.plugins import Reader
 
-_ZARR = Reader(
-    "cccd_formats.zarr_labels.read_zarr", holds="volume", inside=("zarr.json", ".zgroup", ".zarray")
-)
+_FILES = ("zarr.json", ".zgroup", ".zarray")
+_ZARR = Reader("cccd_formats.zarr_labels.read_zarr", holds="volume", inside=_FILES)
 
-READERS = {
-    "nnU-Net": Reader("cccd_formats.nnunet.read_classes"),
-    **dict.fromkeys((".ome.zarr", ".zarr"), _ZARR),
-}
+READERS = {"nnU-Net": Reader("cccd_formats.nnunet.read_classes"), ".ome.zarr": _ZARR, ".zarr": _ZARR}
