@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from cccd_junctions.columns import Column, FeatureSchema
+from cccd_junctions.columns import FeatureSchema
 
-SCHEMA = FeatureSchema(
-    Column("length", "px", "of a link"), Column("turn", "1", "of its direction", ("cos", "sin"))
-)
+SCHEMA = FeatureSchema(length=1, turn=2)
 
 
 def test_columns_stand_where_their_names_say_in_whatever_order_they_come():
@@ -28,8 +26,3 @@ def test_columns_stand_where_their_names_say_in_whatever_order_they_come():
 def test_missing_unknown_and_misshapen_columns_are_refused(values):
     with pytest.raises(ValueError, match=r"length|turn|area"):
         SCHEMA.assemble(values, np.float64)
-
-
-def test_two_columns_of_one_name_are_refused():
-    with pytest.raises(ValueError, match="share a name"):
-        FeatureSchema(Column("length", "px", "of a link"), Column("length", "mm", "of a link"))
