@@ -17,9 +17,8 @@ from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.chain_corners import DETECTORS
 from cccd_paper.comparisons.corner_comparison import fuse
 from cccd_paper.comparisons.corner_measures import measure_corners
-from cccd_paper.comparisons.k_sweep import one_a_slice
 from cccd_paper.comparisons.parameters import LARGEST_SHARE
-from cccd_paper.comparisons.samples import SliceSample
+from cccd_paper.comparisons.samples import SliceSample, outer_curves
 
 #: The shares of the pixels that are compared; the last is the paper's at k = 3.
 SHARES = (0.05, 0.1, 0.15, 0.2, 0.3, LARGEST_SHARE)
@@ -79,7 +78,7 @@ def measure_at_shares(samples: Sequence[SliceSample], frame: Frame, chosen: pd.D
 
 def _on_chain(samples: Sequence[SliceSample], frame: Frame, one: dict) -> tuple[float, float]:
     """Share of the pixels and Dice of a detector on the chain code."""
-    curves = one_a_slice([sample.curve for sample in samples], frame)
+    curves = outer_curves([sample.curve for sample in samples], range(len(samples)), frame)
     corner = DETECTORS[one["detector"]](curves.points, curves.offsets, **one["parameters"])
     measured = measure_corners(curves, corner)
     return float(measured["share"]), float(measured["DSC"])

@@ -35,8 +35,7 @@ from cccd.geometry.arrays import ByteArray
 from cccd.geometry.opencv import border_pixels
 from cccd_datasets.corruptions import KINDS, corrupt
 from cccd_junctions.checkpoint import load_model
-from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
-from cccd_junctions.observation import observe
+from cccd_junctions.inference import Predictor, read_slices
 from cccd_junctions.ordering import DEFAULTS
 from cccd_junctions.stacks import ReadSlice, label_slices
 from cccd_junctions.uncertainty import listed_from
@@ -163,11 +162,7 @@ MECHANISMS = (
 
 def read_maps(maps: Sequence[SyntheticMap], model: Predictor) -> list[ReadSlice]:
     """What the network says of maps, batch by batch."""
-    read: list[ReadSlice] = []
-    for begin in range(0, len(maps), SLICES_PER_BATCH):
-        batch = maps[begin : begin + SLICES_PER_BATCH]
-        read += read_slices([observe(m.pixels, m.image) for m in batch], model)
-    return read
+    return read_slices([m.pixels for m in maps], [m.image for m in maps], model)
 
 
 def scored(maps: Sequence[SyntheticMap], read: Sequence[ReadSlice], way: Way) -> list[dict[str, float]]:

@@ -27,9 +27,8 @@ from cccd.settings.junctions import BoundarySettings
 from cccd_calibration.conformal import first_enough
 from cccd_junctions.boundary import edge_map
 from cccd_junctions.checkpoint import load_model
-from cccd_junctions.inference import SLICES_PER_BATCH, Predictor, read_slices
-from cccd_junctions.observation import observe
-from cccd_junctions.stacks import ReadSlice, label_slices
+from cccd_junctions.inference import Predictor, read_slices
+from cccd_junctions.stacks import label_slices
 from cccd_training.junctions.damages import DAMAGES
 from cccd_training.junctions.random_masks import draw_mask
 from cccd_training.junctions.reranker import SHORTEST_PX
@@ -146,10 +145,7 @@ def measure_doubts(
         Whether they are a stack's neighbouring slices.
     """
     drawn = list(maps)
-    read: list[ReadSlice] = []
-    for begin in range(0, len(drawn), SLICES_PER_BATCH):
-        batch = drawn[begin : begin + SLICES_PER_BATCH]
-        read += read_slices([observe(one.pixels, one.image) for one in batch], model)
+    read = read_slices([one.pixels for one in drawn], [one.image for one in drawn], model)
     numbers = np.arange(len(read)) * (1 if together else 2)
     found = [
         (

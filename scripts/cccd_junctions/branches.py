@@ -16,7 +16,7 @@ from cccd.chaincode import DIRECTIONS
 from cccd.geometry._jit import jit
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray, connected_parts, ranks_of
 from cccd.tolerances import ROUNDING
-from cccd_junctions.columns import Column, FeatureSchema
+from cccd_junctions.columns import FeatureSchema
 
 # A branch's direction at a pixel is read off its pixels up to this far away.
 _REACH_PX = 6
@@ -31,11 +31,11 @@ _CLUSTER_PX = 3
 
 #: What is measured of a branch, and of a group: lines drawn by hand are straight, borders seldom.
 SHAPE_COLUMNS = FeatureSchema(
-    Column("size", "log pixels / 4", "number of its pixels"),
-    Column("dead_ends", "ends / 2", "its dead ends, 2 at most"),
-    Column("junction_contacts", "pixels / 2", "its pixels next to junctions, 2 at most"),
-    Column("spread_across", "log pixels", "spread across its main direction (RMS, and 0.2)"),
-    Column("spread_along", "log pixels / 4", "spread along its main direction (RMS, and 0.2)"),
+    size=1,  # log pixels / 4
+    dead_ends=1,  # its dead ends / 2, 2 at most
+    junction_contacts=1,  # its pixels next to junctions / 2, 2 at most
+    spread_across=1,  # log pixels: spread across its main direction (RMS, and 0.2)
+    spread_along=1,  # log pixels / 4: spread along its main direction (RMS, and 0.2)
 )
 
 

@@ -16,7 +16,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from cccd.geometry.arrays import AnyArray, ByteArray, FloatArray, IntArray, SingleArray
 from cccd.tolerances import LEAST_PX
 from cccd_junctions.branches import SHAPE_COLUMNS, find_branches
-from cccd_junctions.columns import Column, FeatureSchema
+from cccd_junctions.columns import FeatureSchema
 from cccd_junctions.delaunay import REGION_GAPS_PX, DelaunayGraph
 from cccd_junctions.intensity import BLURS, IntensitySlice, sample_channels
 
@@ -33,80 +33,64 @@ _REGIONAL = (0, 2)
 _MARGIN_PX = 40
 
 
-def _patch_parts(half: int, step: int) -> tuple[str, ...]:
-    """Name the samples of a patch by their place from its centre, in pixels."""
-    steps = range(-half * step, half * step + 1, step)
-    return tuple(f"{di:+d},{dj:+d}" for di in steps for dj in steps)
+def _samples(half: int) -> int:
+    """How many samples a patch has."""
+    return (2 * half + 1) ** 2
 
 
-_GAPS = tuple(f"{gap:g} px" for gap in REGION_GAPS_PX)
-_BLURRED = tuple(f"blur {blur:g} px" for blur, _ in BLURS)
+# How many columns there are of what is measured for every length of walls.
+_EACH = len(REGION_GAPS_PX)
 
 #: What the network reads at a node, in steps of 1/255.
 NODES = FeatureSchema(
-    *(
-        Column(f"occupancy_{step}px", "share", "observed pixels in boxes this wide", _patch_parts(half, step))
-        for half, step in _SCALES
-    ),
-    Column("intensity", "quantile", "scaled intensity around the node", _patch_parts(*_PATCH)),
-    Column("has_image", "0 or 1", "the slice has an image"),
-    Column("unobserved", "0 or 1", "an edge of the image, no pixel of the boundary map"),
+    **{f"occupancy_{step}px": _samples(half) for half, step in _SCALES},  # share of boxes so wide
+    intensity=_samples(_PATCH[0]),  # scaled, quantile: around the node
+    has_image=1,
+    unobserved=1,  # an edge of the image, no pixel of the boundary map
 )
 
-#: What the network reads at a triangle.
+#: What the network reads at a triangle. Samples are four; walls are as long as each of `REGION_GAPS_PX`.
 TRIANGLES = FeatureSchema(
-    Column("area", "log(1 + px^2)", "its area"),
-    Column("longest_side", "log px", "its longest side"),
-    Column("shortest_side", "log px", "its shortest side"),
-    Column("compactness", "1", "area by the longest side's square"),
-    Column("outer", "0 or 1", "it touches a ghost point"),
-    Column("intensity_mean", "quantile - 0.5", "scaled intensity, mean of four samples"),
-    Column("intensity_spread", "quantile", "scaled intensity, standard deviation of four samples"),
-    Column("has_image", "0 or 1", "its slice has an image"),
-    Column("enclosed", "0 or 1", "walls up to this long lie between it and the outside", _GAPS),
-    Column("depth", "walls / 3", "number of such walls, 6 at most", _GAPS),
-    Column("region_area", "log(1 + px^2) / 4", "area that such walls enclose with it", _GAPS),
-    Column("region_share", "log / 4", "that area (and 1 px^2) by the slice's", _GAPS),
-    Column("equalised_mean", "rank - 0.5", "equalised intensity, mean of four samples", _BLURRED),
-    Column("equalised_spread", "rank", "equalised intensity, standard deviation of four samples"),
-    *(
-        Column(f"region_{_GAPS[g]}_equalised_{kind}", "rank", f"{kind} of equalised intensity in its region")
-        for g in _REGIONAL
-        for kind in ("mean", "spread")
-    ),
+    area=1,  # log(1 + px^2)
+    longest_side=1,  # log px
+    shortest_side=1,  # log px
+    compactness=1,  # area by the longest side's square
+    outer=1,  # it touches a ghost point
+    intensity_mean=1,  # scaled, quantile - 0.5: of its samples
+    intensity_spread=1,  # scaled, quantile: standard deviation of its samples
+    has_image=1,
+    enclosed=_EACH,  # walls lie between it and the outside
+    depth=_EACH,  # number of such walls / 3, 6 walls at most
+    region_area=_EACH,  # log(1 + px^2) / 4, of what such walls enclose with it
+    region_share=_EACH,  # log / 4, of that area (and 1 px^2) by the slice's
+    equalised_mean=len(BLURS),  # rank - 0.5: of its samples
+    equalised_spread=1,  # rank: standard deviation of its samples
+    **{f"region_{g}_equalised_{kind}": 1 for g in _REGIONAL for kind in ("mean", "spread")},  # rank
 )
 
-#: What the network reads at a link.
+#: What the network reads at a link, between two triangles and two ends.
 LINKS = FeatureSchema(
-    Column("length", "log px", "its length"),
-    Column("short", "0 or 1", "it joins 8-neighbours"),
-    Column("direction_2", "1", "twice the angle of its direction", ("cos", "sin")),
-    Column("direction_4", "1", "four times the angle of its direction", ("cos", "sin")),
-    Column("triangle_area", "log(1 + px^2)", "areas of its two triangles", ("smaller", "larger")),
-    Column("intensity_difference", "quantile", "between its triangles, scaled"),
-    Column("intensity_step", "quantile", "across its middle, scaled"),
-    Column("has_image", "0 or 1", "its slice has an image"),
-    Column("outer", "0 or 1", "one of its triangles touches a ghost point"),
-    Column("same_region", "0 or 1", "its triangles share a region", _GAPS),
-    Column("depth_difference", "walls", "between its triangles, 2 at most", _GAPS),
-    Column("fragment_size", "log pixels / 4", "of the 8-connected fragments it joins", ("smaller", "larger")),
-    Column("same_fragment", "0 or 1", "it joins a fragment with itself"),
-    *(
-        Column(f"equalised_step_{part}", "rank", "across it, at three places along it", ("mean", "least"))
-        for part in _BLURRED
-    ),
-    Column("slope", "rank", "of the gradient's magnitude, at three places along it", ("mean", "least")),
-    Column("equalised_difference", "rank", "between its triangles, least blur"),
-    Column("unobserved_ends", "nodes", "ends that are no pixel of the boundary map"),
-    *(
-        Column(f"{part}_{of}_{c.name}", c.unit, f"{part} at both ends: {c.meaning}")
-        for part in ("sum", "difference")
-        for of in ("branch", "group")
-        for c in SHAPE_COLUMNS.columns
-    ),
-    Column("same_branch", "0 or 1", "it joins a branch with itself"),
-    Column("same_group", "0 or 1", "it joins a good-continuation group with itself"),
-    Column("continuation", "cosine", "how well both ends' branches point along it", ("worse", "better")),
+    length=1,  # log px
+    short=1,  # it joins 8-neighbours
+    direction_2=2,  # cosine and sine of twice the angle of its direction
+    direction_4=2,  # of four times the angle
+    triangle_area=2,  # log(1 + px^2), the smaller and the larger
+    intensity_difference=1,  # scaled, quantile: between its triangles
+    intensity_step=1,  # scaled, quantile: across its middle
+    has_image=1,
+    outer=1,  # one of its triangles touches a ghost point
+    same_region=_EACH,  # of its triangles
+    depth_difference=_EACH,  # walls, 2 at most
+    fragment_size=2,  # log pixels / 4 of the 8-connected fragments it joins, the smaller and the larger
+    same_fragment=1,
+    **{f"equalised_step_{n}": 2 for n in range(len(BLURS))},  # rank: across it at three places, mean, least
+    slope=2,  # rank of the gradient's magnitude at three places along it, mean and least
+    equalised_difference=1,  # rank: between its triangles, least blur
+    unobserved_ends=1,  # ends that are no pixel of the boundary map
+    **{f"{part}_{of}": SHAPE_COLUMNS.width for part in ("sum", "difference") for of in ("branch", "group")},
+    same_branch=1,
+    same_group=1,
+    continuation=2,  # cosines: how well both ends' branches point along it, the worse and the better
 )
 
 #: Intensities of a triangle that the network compares with the organ's: one per blur.
@@ -264,9 +248,9 @@ def _regional_intensities(graph: DelaunayGraph, inside: dict[str, AnyArray]) -> 
         total = np.bincount(region, weight)
         mean = np.bincount(region, weight * value) / total
         square = np.bincount(region, weight * (value**2 + spread**2)) / total
-        columns[f"region_{_GAPS[g]}_equalised_mean"] = mean[region]
+        columns[f"region_{g}_equalised_mean"] = mean[region]
         deviation = np.sqrt(np.maximum(square - mean**2, 0))
-        columns[f"region_{_GAPS[g]}_equalised_spread"] = deviation[region]
+        columns[f"region_{g}_equalised_spread"] = deviation[region]
     return columns
 
 
@@ -322,7 +306,7 @@ def _link_intensities(graph: DelaunayGraph, intensity: IntensitySlice | None) ->
             if n == 0:
                 middle = np.abs(change[1, :, 0])
         slope = _mean_and_least(sample_channels(intensity, places)[..., -1])
-    named = {f"equalised_step_{part}": column for part, column in zip(_BLURRED, across, strict=True)}
+    named = {f"equalised_step_{n}": column for n, column in enumerate(across)}
     return {"intensity_step": middle, "slope": slope, **named}
 
 
@@ -362,13 +346,10 @@ def _link_branches(graph: DelaunayGraph, places: IntArray) -> tuple[IntArray, In
         label[observed] = part
         labels.append(label)
         columns[f"same_{name}"] = label[a] == label[b]
-        measured = np.zeros((SHAPE_COLUMNS.width, len(observed)))
-        measured[:, observed] = shape.T
-        one, other = measured[:, a], measured[:, b]
-        both, apart = one + other, np.abs(one - other)
-        for n, column in enumerate(SHAPE_COLUMNS.names):
-            columns[f"sum_{name}_{column}"] = both[n]
-            columns[f"difference_{name}_{column}"] = apart[n]
+        measured = np.zeros((len(observed), SHAPE_COLUMNS.width))
+        measured[observed] = shape
+        one, other = measured[a], measured[b]
+        columns[f"sum_{name}"], columns[f"difference_{name}"] = one + other, np.abs(one - other)
     outward = np.zeros((2, len(observed)))
     outward[:, observed] = found.outward.T
     i, j = _steps(graph).T / length

@@ -63,15 +63,22 @@ class Prior:
 PRIOR = Prior()
 
 
-def read_slices(slices: Sequence[ObservedSlice], predictor: Predictor) -> list[ReadSlice]:
-    """Read slices as one batch; the predictor is asked of maps that are no outlines already."""
-    outlines = [find_outline(observed.graph) for observed in slices]
-    doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
-    logits = iter(predictor.logits(doubtful) if doubtful else [])
-    return [
-        ReadSlice(observed.graph, outline, None if outline.exact else next(logits))
-        for observed, outline in zip(slices, outlines, strict=True)
-    ]
+def read_slices(
+    maps: Sequence[AnyArray], images: Sequence[RealArray | None], predictor: Predictor
+) -> list[ReadSlice]:
+    """Read maps (N, 2) and their grey slices batch by batch; outlines need no predictor."""
+    read: list[ReadSlice] = []
+    for begin in range(0, len(maps), SLICES_PER_BATCH):
+        batch = slice(begin, begin + SLICES_PER_BATCH)
+        slices = [observe(*both) for both in zip(maps[batch], images[batch], strict=True)]
+        outlines = [find_outline(observed.graph) for observed in slices]
+        doubtful = [observed for observed, outline in zip(slices, outlines, strict=True) if not outline.exact]
+        logits = iter(predictor.logits(doubtful) if doubtful else [])
+        read += [
+            ReadSlice(observed.graph, outline, None if outline.exact else next(logits))
+            for observed, outline in zip(slices, outlines, strict=True)
+        ]
+    return read
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,16 +159,12 @@ def _read_and_labelled(
     regions: Sequence[BoolArray | None] | None = None,
     pixel_mm: float = 1.0,
 ) -> tuple[list[ReadSlice], list[Labelled]]:
-    """Read slices batch by batch, and label the triangles of each, its neighbours considered.
+    """Read slices, and label the triangles of each, its neighbours considered.
 
     What the prior says is taken as the cut has it: alternatives are told by a network's logits.
     """
     shown = [None] * len(maps) if predictor is None else images
-    read: list[ReadSlice] = []
-    for begin in range(0, len(maps), SLICES_PER_BATCH):
-        batch = slice(begin, begin + SLICES_PER_BATCH)
-        slices = [observe(*both) for both in zip(maps[batch], shown[batch], strict=True)]
-        read += read_slices(slices, predictor or PRIOR)
+    read = read_slices(maps, shown, predictor or PRIOR)
     if regions is not None and predictor is not None:
         read = [
             one if region is None else replace(one, evidence=region_evidence(one.graph, region, pixel_mm))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import time
-
 import numpy as np
 import pandas as pd
 
@@ -14,6 +12,7 @@ from cccd_paper.comparisons.baselines.active_contours import CONTOURS
 from cccd_paper.comparisons.baselines.corner_detectors import CORNER_DETECTORS
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd_paper.comparisons.timing import timed
 from cccd_viewers.page_files import Panel, SliceFigure
 
 # Seeds: radius and offset from the centroid, in radii of a disc of the organ's area. The five of Figure 15,
@@ -54,9 +53,7 @@ def compare_active_contour(structure: Structure, curves: Curves, seed: int) -> p
             if name not in {"corners", *sample.images}:
                 continue
             for setting, radius, offset in seeds:
-                begin = time.process_time()
-                curve = snake(sample, name, radius, offset, angle)
-                ms = 1e3 * (time.process_time() - begin)
+                curve, seconds = timed(snake, sample, name, radius, offset, angle)
                 region = rasterise([curve], sample.origin, sample.region.shape)
                 rows.append(
                     {
@@ -70,7 +67,7 @@ def compare_active_contour(structure: Structure, curves: Curves, seed: int) -> p
                         "angle": np.degrees(angle),
                         "corners": len(corners),
                         "dice": float(dice(sample.region, region)),
-                        "ms": ms,
+                        "ms": 1e3 * seconds,
                     }
                 )
     return pd.DataFrame(rows)

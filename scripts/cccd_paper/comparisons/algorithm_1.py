@@ -17,12 +17,11 @@ import numpy as np
 import pandas as pd
 
 from cccd.containers import Boundaries, Curves, Splines, Structure
-from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import dice
 from cccd.geometry.sections import cross_sections
 from cccd.surface.surface import LoftedSurface
+from cccd_paper.comparisons.corner_measures import paper_splines
 from cccd_paper.comparisons.orderers import Orderer, load_orderers
 from cccd_paper.comparisons.tensor_product_loft import TUNED, loft_splines
 from cccd_paper.comparisons.tuning import SAMPLES
@@ -78,8 +77,7 @@ def run_algorithm_1(boundaries: Boundaries, paper_orderer: Orderer) -> PaperChai
     """
     begin = time.process_time()
     curves = paper_orderer(boundaries)
-    corners = k_cosine_corners(curves.points, curves.offsets, TUNED.k)
-    splines = corner_splines(curves, corners)
+    splines = paper_splines(curves, TUNED.k)
     lofted = len(np.unique(curves.slice[~curves.hole])) > 1
     mesh = loft_splines(curves, splines) if lofted else None
     return PaperChain(curves, splines, mesh, time.process_time() - begin)

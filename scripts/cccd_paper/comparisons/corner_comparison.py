@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterable, Iterator, Mapping
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -31,7 +32,8 @@ from cccd_paper.comparisons.fuse import (
 )
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import GRID, LARGEST_SHARE, grid_points, parameter_sets
-from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice, outer_curves
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
@@ -77,30 +79,27 @@ def _detectors(sample: SliceSample) -> Iterator[dict]:
     for image_name, image in sample.images.items():
         for name, method in CORNER_DETECTORS.items():
             for set_name, parameters in parameter_sets(name, image_name).items():
-                begin = time.process_time()
-                found = method.run(image, **parameters) + sample.origin
+                corners, corner_s = timed(partial(method.run, image, **parameters))
+                found = corners + sample.origin
                 labels = {
                     "image": image_name,
                     "detector": name,
                     "method": method.title,
                     "parameters": set_name,
                     "values": ", ".join(f"{key} {value}" for key, value in parameters.items()) or "defaults",
-                    "corner_ms": 1e3 * (time.process_time() - begin),
+                    "corner_ms": 1e3 * corner_s,
                 }
                 used = found[near_boundary(found, sample.curve)].astype(float)
                 for order in ORDERS:
-                    begin = time.process_time()
-                    spline = fused_spline(used, order, sample.curve)
-                    curve_ms = 1e3 * (time.process_time() - begin)
+                    spline, curve_s = timed(fused_spline, used, order, sample.curve)
                     scores = _scores(sample, found, used, spline)
-                    yield labels | {"order": order} | scores | {"curve_ms": curve_ms}
+                    yield labels | {"order": order} | scores | {"curve_ms": 1e3 * curve_s}
 
 
 def _cccd(sample: SliceSample, frame: Frame) -> Iterator[dict]:
     """Return CCCD's rows for a slice: the k-cosine's corners as control points, and the automatic fit."""
-    offsets = np.array([0, len(sample.curve)])
-    curve = Curves(sample.curve, offsets, np.array([sample.k], np.int32), np.zeros(1, bool), frame)
-    chained = bool(on_pixel_chain(curve.points, offsets).all())  # drawn contours are none
+    curve = outer_curves([sample.curve], [sample.k], frame)
+    chained = bool(on_pixel_chain(curve.points, curve.offsets).all())  # drawn contours are none
     for setting in (*SWEEP, "automatic"):
         begin = time.process_time()
         if setting == "automatic":
@@ -108,8 +107,8 @@ def _cccd(sample: SliceSample, frame: Frame) -> Iterator[dict]:
             found = splines.control_points
         else:
             if chained:
-                chain_codes(curve.points, offsets)
-            corners = k_cosine_corners(curve.points, offsets, setting, "max")
+                chain_codes(curve.points, curve.offsets)
+            corners = k_cosine_corners(curve.points, curve.offsets, setting, "max")
             middle = time.process_time()
             splines = corner_splines(curve, corners)
             found = sample.curve[corners]

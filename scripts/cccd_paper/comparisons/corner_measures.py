@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from cccd.containers import Curves
+from cccd.containers import Curves, Splines
+from cccd.curves.corners import k_cosine_corners
 from cccd.curves.fitting import corner_splines
 from cccd.curves.knots import FEWEST
 from cccd.geometry.arrays import sum_per_part
@@ -17,6 +18,11 @@ from cccd_workflow.curve_measures import window_of
 
 #: The k of the paper's figures 10-13.
 SWEEP = CurveSettings().sweep
+
+
+def paper_splines(curves: Curves, k: int) -> Splines:
+    """Splines through the corners of one k, maxima of curvature, as control points (eq. 9)."""
+    return corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
 
 
 def measure_corners(

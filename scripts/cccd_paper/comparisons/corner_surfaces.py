@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 
 import numpy as np
@@ -11,16 +10,17 @@ from shapely import MultiPolygon, Polygon
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
 from cccd.contours import trace_contours
-from cccd.curves.corners import k_cosine_corners
-from cccd.curves.fitting import corner_splines, fit_splines
+from cccd.curves.fitting import fit_splines
 from cccd.geometry.arrays import concatenate_ragged
 from cccd.geometry.raster import dice
 from cccd.settings.surface import LoftSettings
 from cccd.store import bodies_bytes
 from cccd.surface.loft import loft_surface
+from cccd_paper.comparisons.corner_measures import paper_splines
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, TABLE_3
 from cccd_paper.comparisons.samples import between, middle_slab
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.comparisons.tuning import SAMPLES
 from cccd_paper.settings import CornerSurfaceSettings
 from cccd_workflow.surface_measures import Reference, measure_agreement
@@ -80,12 +80,7 @@ def compare_corner_surfaces(
     if orderers:  # compiled before anything is timed
         k = int(boundaries.slice[0])
         orderers[0](between(boundaries, range(k, k + 1), boundaries.frame))
-    begin = time.process_time()
-    if orderers:
-        orderers[0](boundaries)
-    else:
-        trace_contours(structure)
-    order_s = time.process_time() - begin
+    _, order_s = timed(orderers[0], boundaries) if orderers else timed(trace_contours, structure)
     reference = Reference.of(structure)
     rows = [_surface_of(curves, structure, k, lofting, order_s, reference) for k in (*ks, None)]
     table = pd.DataFrame(rows)
@@ -116,14 +111,8 @@ def _surface_of(
     reference: Reference,
 ) -> dict[str, float]:
     """Splines and surface of one k, or of the automatic splines, measured."""
-    begin = time.process_time()
-    if k is None:
-        splines = fit_splines(curves)
-    else:
-        splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
-    middle = time.process_time()
-    surface = loft_surface(Sections(_grown(splines.sample())), lofting)
-    end = time.process_time()
+    splines, curve_s = timed(fit_splines, curves) if k is None else timed(paper_splines, curves, k)
+    surface, surface_s = timed(lambda: loft_surface(Sections(_grown(splines.sample())), lofting))
     points, slices = len(splines.control_points), len(np.unique(curves.slice))
     rows, columns = (structure.frame.shape[axis] for axis in structure.frame.in_plane_axes)
     figures = (
@@ -139,9 +128,9 @@ def _surface_of(
         "image_bytes": GREY_BYTES * STACK * rows * columns,
         "net_bytes": bodies_bytes(surface.bodies),
         "order_s": order_s,
-        "curve_s": middle - begin,
-        "surface_s": end - middle,
-        "seconds": order_s + end - begin,
+        "curve_s": curve_s,
+        "surface_s": surface_s,
+        "seconds": order_s + curve_s + surface_s,
     }
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import cast
@@ -21,7 +20,7 @@ from cccd.geometry.arrays import concatenate_ragged
 from cccd.store import atomic_path, write_table
 from cccd_datasets.corruptions import KINDS
 from cccd_junctions.checkpoint import load_model
-from cccd_junctions.decoding import closed_chains, fill_inside
+from cccd_junctions.decoding import fill_inside
 from cccd_junctions.inference import LoopPredictor, Predictor, predict_masks
 from cccd_junctions.labelling import label_slice
 from cccd_junctions.network import JunctionNetwork
@@ -30,16 +29,15 @@ from cccd_junctions.ordering import order_boundaries
 from cccd_networks.settings import NetworkSettings
 from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.junctions.network import PaperNetwork
 from cccd_training.junctions.labels import inside_shares, link_labels
-from cccd_training.junctions.scoring import SliceScore, score_slice
+from cccd_training.junctions.scoring import SliceScore, chains_around, score_slice
 from cccd_training.junctions.synthetic_maps import ALL_KINDS, RandomStream, SyntheticMap, draw_map, truth_mask
 from cccd_training.junctions.tasks import make_task
 
 #: The kinds whose mean is the table's row "all ten".
 TEN = tuple(kind for kind in KINDS if kind != "everything")
-
-_FRAME = Frame(np.eye(4), 2, (1, 1, 1))
 
 #: What is counted of a network's ordering, besides its links.
 _CHANGES = ("isolated_corners", "dropped", "bridged")
@@ -53,14 +51,10 @@ def network_decoder(model: Predictor | LoopPredictor | None, grey: bool = True) 
 
     def run(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
         greys = [sample.image if grey else None for sample in samples]
-        return _chains(*predict_masks([sample.pixels for sample in samples], model, greys))
+        masks, origin = predict_masks([sample.pixels for sample in samples], model, greys)
+        return [chains_around(mask, origin) for mask in masks]
 
     return run
-
-
-def _chains(masks: np.ndarray, origin: np.ndarray) -> list[list[np.ndarray]]:
-    first = np.zeros(1, np.int64)
-    return [list(closed_chains(mask[None], origin, first, _FRAME)) for mask in masks]
 
 
 def by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
@@ -70,7 +64,8 @@ def by_true_labels(samples: Sequence[SyntheticMap]) -> list[list[np.ndarray]]:
         graph = observe(sample.pixels, sample.image).graph
         inside = inside_shares(graph, sample.contours)
         logits = 20 * (inside - 0.5), np.where(link_labels(graph, inside), 10.0, -10.0)
-        chains += _chains(*fill_inside(graph, label_slice(graph, logits, rerank=False).inside))
+        (mask,), origin = fill_inside(graph, label_slice(graph, logits, rerank=False).inside)
+        chains.append(chains_around(mask, origin))
     return chains
 
 
@@ -134,9 +129,7 @@ def compare_decoders(
         decoder([samples[0] for samples in maps.values()])  # compiles and loads what it needs
         scores[name] = {}
         for kind, samples in maps.items():
-            started = time.process_time()
-            chains = decoder(samples)
-            spent = time.process_time() - started
+            chains, spent = timed(decoder, samples)
             scored = [score_slice(c, s.contours) for c, s in zip(chains, samples, strict=True)]
             scores[name][kind] = scored
             rows.append(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
@@ -11,12 +10,10 @@ import pandas as pd
 
 from cccd.containers import Curves, Frame, Structure
 from cccd.curves.corners import CRITERIA, k_cosine_corners
-from cccd.curves.fitting import corner_splines
 from cccd.geometry.arrays import split_ragged
-from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import dice, rasterise
 from cccd_paper.comparisons.chain_corners import DETECTORS
-from cccd_paper.comparisons.corner_measures import measure_corners
+from cccd_paper.comparisons.corner_measures import measure_corners, paper_splines
 from cccd_paper.comparisons.paper_k import OUTLINES
 from cccd_paper.comparisons.parameters import (
     BEST_OF_GRID,
@@ -27,7 +24,8 @@ from cccd_paper.comparisons.parameters import (
     grid_points,
 )
 from cccd_paper.comparisons.repeatability import CHANGES, Detector, repeatability
-from cccd_paper.comparisons.samples import choose_slices, middle_curve
+from cccd_paper.comparisons.samples import choose_slices, middle_curve, outer_curves
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
@@ -68,13 +66,11 @@ def compare_k(
     truth, origin = structure.stack("mask"), structure.stack_origin
     rows = []
     for (name, criterion, k, parameters, values), detect in detectors.items():
-        begin = time.process_time()
-        corner = detect(curves.points, curves.offsets)
-        ms = 1e3 * (time.process_time() - begin)
+        corner, seconds = timed(detect, curves.points, curves.offsets)
         row = {
             "detector": name, "criterion": criterion, "k": k, "parameters": parameters, "values": values,
         }  # fmt: skip
-        rows.append(row | measure_corners(curves, corner, truth, origin) | {"ms": ms})
+        rows.append(row | measure_corners(curves, corner, truth, origin) | {"ms": 1e3 * seconds})
     samples = choose_slices(structure, curves, settings.n_slices)
     again = _found_again([sample.curve for sample in samples], curves.frame, detectors, seed)
     return pd.concat([pd.DataFrame(rows), again], axis=1)
@@ -112,7 +108,7 @@ def search_chain(
         the pixels that are corners, and ``eligible``: few enough; within each detector the best eligible
         first.
     """
-    curves = one_a_slice(outlines, frame)
+    curves = outer_curves(outlines, range(len(outlines)), frame)
     rows = []
     for detector in grids:
         for parameters in grid_points(detector, grids):
@@ -125,18 +121,11 @@ def search_chain(
     return scores.sort_values(columns, ascending=[True, False, False, True]).reset_index(drop=True)
 
 
-def one_a_slice(outlines: Sequence[np.ndarray], frame: Frame) -> Curves:
-    """Curves of one outline (n, 2) on each slice."""
-    lines = RaggedPolygons.of(outlines)
-    count = len(outlines)
-    return Curves(lines.points, lines.offsets, np.arange(count), np.zeros(count, bool), frame)
-
-
 def _found_again(
     outlines: Sequence[np.ndarray], frame: Frame, detectors: Mapping[tuple, Detector], seed: int
 ) -> pd.DataFrame:
     """Repeatability of every detector, a row each, by what changed the outlines."""
-    curves = one_a_slice(outlines, frame)
+    curves = outer_curves(outlines, range(len(outlines)), frame)
     named = {str(number): detect for number, detect in enumerate(detectors.values())}
     table = repeatability(curves, np.random.default_rng(seed), named)
     means = table.groupby(["detector", "change"])["repeatability"].mean().unstack("change")
@@ -153,7 +142,7 @@ def outline_figures(curves: Curves) -> dict[str, SliceFigure]:
 
 def _outline(curve: Curves, k: int) -> Panel:
     """Boundary, corners and the paper's spline: corners at maxima of curvature as control points (eq. 9)."""
-    splines = corner_splines(curve, k_cosine_corners(curve.points, curve.offsets, k))
+    splines = paper_splines(curve, k)
     line = splines.sample().polygons
     low = np.floor(np.minimum(curve.points.min(axis=0), line.points.min(axis=0))).astype(int) - 2
     shape = np.ceil(np.maximum(curve.points.max(axis=0), line.points.max(axis=0))).astype(int) + 3 - low

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from cccd.containers import Boundaries, Curves, Sections, Structure
 from cccd.contours import trace_stack
-from cccd.geometry.arrays import BoolArray, IntArray, offsets_of
+from cccd.geometry.arrays import BoolArray, IntArray
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import dice
 from cccd.settings.surface import LoftSettings
@@ -22,7 +22,7 @@ from cccd_paper.comparisons.baselines.decoders import DECODERS
 from cccd_paper.comparisons.decoders import decode
 from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.ordering_comparison import decided_slices
-from cccd_paper.comparisons.samples import between
+from cccd_paper.comparisons.samples import between, outer_curves
 from cccd_paper.junctions.grid import build_grid
 from cccd_segmentation.seeds import parse_seeds
 from cccd_viewers.page_files import Panel, SliceFigure
@@ -154,10 +154,7 @@ def _decoded_curves(boundaries: Boundaries, name: str) -> Curves:
     run: Callable[..., np.ndarray] = DECODERS[name].run
     chains = [decode(run, pixels, pixels.mean(axis=0)) for pixels in boundaries]
     found = [n for n, chain in enumerate(chains) if len(chain)]
-    points = np.concatenate([np.zeros((0, 2)), *(chains[n] for n in found)])
-    offsets = offsets_of([len(chains[n]) for n in found])
-    slices = boundaries.slice[found]
-    return Curves(points, offsets, slices, np.zeros(len(found), bool), boundaries.frame)
+    return outer_curves([chains[n] for n in found], boundaries.slice[found], boundaries.frame)
 
 
 def best_threshold(structure: Structure) -> BoolArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -20,6 +19,7 @@ from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
 from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slice
+from cccd_paper.comparisons.timing import timed
 from cccd_paper.settings import SliceChoice
 from cccd_viewers.page_files import Panel, SliceFigure
 
@@ -195,9 +195,5 @@ def _link_along(
 
 def _timed(run):
     """Return the result of ``run`` and the median of its processor times in ms, after a call to warm up."""
-    result, times = run(), []
-    for _ in range(_REPEATS):
-        begin = time.process_time()
-        run()
-        times.append(1e3 * (time.process_time() - begin))
-    return result, float(np.median(times))
+    result = run()
+    return result, 1e3 * float(np.median([timed(run)[1] for _ in range(_REPEATS)]))

@@ -7,13 +7,14 @@ method; the choice depends on nothing else.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
 
 from cccd.containers import Boundaries, Curves, Frame, Structure
-from cccd.geometry.arrays import offsets_of
+from cccd.geometry.arrays import concatenate_ragged, offsets_of
 from cccd.geometry.raster import dice, rasterise
 from cccd_junctions.boundary import outline
 
@@ -203,6 +204,12 @@ def between(stack: _Stack, slices: range, frame: Frame) -> _Stack:
     return replace(stack, **kept, **({"hole": stack.hole[chosen]} if isinstance(stack, Curves) else {}))
 
 
+def outer_curves(polygons: Sequence[np.ndarray], slices: Sequence[int] | np.ndarray, frame: Frame) -> Curves:
+    """Make outer curves of polygons (n, 2), and of the slices (C,) that each lies on."""
+    points, offsets = concatenate_ragged(polygons)
+    return Curves(points, offsets, np.asarray(slices, np.int32), np.zeros(len(polygons), bool), frame)
+
+
 def middle_curve(curves: Curves) -> Curves | None:
     """Take the longest outer curve of the middle slice; None when there is none."""
     outer = np.flatnonzero(~curves.hole)
@@ -213,5 +220,4 @@ def middle_curve(curves: Curves) -> Curves | None:
     sizes = np.diff(curves.offsets)[here]
     chosen = here[np.argmax(sizes)]
     part = slice(curves.offsets[chosen], curves.offsets[chosen + 1])
-    offsets = np.array([0, sizes.max()], np.int64)
-    return Curves(curves.points[part], offsets, curves.slice[[chosen]], curves.hole[[chosen]], curves.frame)
+    return outer_curves([curves.points[part]], curves.slice[[chosen]], curves.frame)

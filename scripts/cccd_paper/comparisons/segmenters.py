@@ -6,7 +6,6 @@ trained on other individuals are shipped.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,9 +17,7 @@ from scipy import ndimage
 
 from cccd.containers import Curves, FittedCurves, Frame, ProbabilityStack, Sections, Structure
 from cccd.contours import level_curves, trace_stack
-from cccd.curves.corners import k_cosine_corners
 from cccd.curves.describe import describe_curves
-from cccd.curves.fitting import corner_splines
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, IntArray, SingleArray
 from cccd.geometry.mesh import Mesh
@@ -31,10 +28,12 @@ from cccd.settings.imports import ImportSettings, PhantomSettings
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd_junctions.boundary import extract_boundaries
+from cccd_paper.comparisons.corner_measures import paper_splines
 from cccd_paper.comparisons.lofted_distances import filtered_mesh
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import AUTOMATIC, CCCD, OUTLINES
 from cccd_paper.comparisons.samples import middle_curve
+from cccd_paper.comparisons.timing import timed
 from cccd_segmentation.growing import grow_region
 from cccd_segmentation.seeds import Seed
 from cccd_viewers.page_files import Panel, SliceFigure
@@ -155,12 +154,10 @@ def compare_segmenters(
     best, most = None, -1.0  # row, probabilities, curves of the mask
     for model, plan in segmenters.segmenters:
         title = networks()[plan.network].title
-        begun = time.process_time()
-        chances = segmenters.chances((model, plan), structure, scan, seed)
+        chances, seconds = timed(segmenters.chances, (model, plan), structure, scan, seed)
         mask = chances >= _LEVEL
-        seconds = (time.process_time() - begun) / scan.shape[frame.slice_axis]
         row: dict[str, Any] = {"method": title, "given": THE_IMAGE, **_compare(mask, truth, frame)}
-        row |= {"parameters": parameters(model), "seconds_per_slice": seconds}
+        row |= {"parameters": parameters(model), "seconds_per_slice": seconds / scan.shape[frame.slice_axis]}
         row["bytes_per_slice"] = np.ceil(_stack(mask, frame)[0].size / 8)
         described, fitted = _cccd_rows(_traced(mask, frame), truth, title, frame, fitting)
         rows += [row, *described]
@@ -275,13 +272,11 @@ def _cccd_rows(
     curves: Curves, truth: BoolArray, given: str, frame: Frame, fitting: CurveSettings
 ) -> tuple[list[dict[str, Any]], FittedCurves]:
     """CCCD's splines along curves, for the paper's k and with knots of their own choice; the latter too."""
-    begun = time.process_time()
-    fitted = describe_curves(curves, fitting)
-    described = [(AUTOMATIC, fitted.splines, time.process_time() - begun)]
+    fitted, seconds = timed(describe_curves, curves, fitting)
+    described = [(AUTOMATIC, fitted.splines, seconds)]
     for k in reversed(OUTLINES["figure14"]):
-        begun = time.process_time()
-        splines = corner_splines(curves, k_cosine_corners(curves.points, curves.offsets, k))
-        described.insert(0, (f"k = {k}", splines, time.process_time() - begun))
+        splines, seconds = timed(paper_splines, curves, k)
+        described.insert(0, (f"k = {k}", splines, seconds))
     rows: list[dict[str, Any]] = []
     for name, splines, seconds in described:
         filled = splines.sample(2.0).rasterise((0, 0, 0), _stack(truth, frame).shape)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -25,7 +24,8 @@ from cccd_paper.comparisons.fuse import near_boundary, order_by_links
 from cccd_paper.comparisons.orderers import Orderer
 from cccd_paper.comparisons.paper_k import CCCD
 from cccd_paper.comparisons.parameters import PAPER_TABLE_2
-from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slab
+from cccd_paper.comparisons.samples import SliceSample, choose_slices, middle_slab, outer_curves
+from cccd_paper.comparisons.timing import timed
 from cccd_workflow.surface_measures import voxel_dice
 
 #: CCCD's k here: the one with which the paper's scores are best.
@@ -33,8 +33,6 @@ K = 3
 STAGES = ("corner", "curve", "spline", "surface")
 #: Slices of the slab: bad curves make bad surfaces, which take longest.
 MOST_SLICES = 6
-
-_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -128,8 +126,7 @@ def _curves(polygons: Sequence[np.ndarray], slices: np.ndarray, frame: Frame) ->
     """Outer curves of polygons (n, 2), turned counter-clockwise."""
     ragged = RaggedPolygons.of(polygons)
     turned = [p[::-1] if area < 0 else p for p, area in zip(polygons, ragged.signed_areas, strict=True)]
-    points = np.concatenate([np.zeros((0, 2)), *turned])
-    return Curves(points, ragged.offsets, slices.astype(np.int32), np.zeros(len(slices), bool), frame)
+    return outer_curves(turned, slices, frame)
 
 
 class _Planar(NamedTuple):
@@ -151,8 +148,8 @@ def _linked_corners(way: PlanarMethod, samples: Sequence[SliceSample], frame: Fr
 
     corners(samples[0])  # compiled before anything is timed
     reconstruct(way.reconstruction, samples[0].curve[::8])
-    found, corner_s = _clocked(lambda: [corners(sample) for sample in samples])
-    polygons, curve_s = _clocked(lambda: [_in_order(points, way.reconstruction) for points in found])
+    found, corner_s = timed(lambda: [corners(sample) for sample in samples])
+    polygons, curve_s = timed(lambda: [_in_order(points, way.reconstruction) for points in found])
     simple = [len(points) >= 3 and bool(RaggedPolygons.of([points]).is_simple[0]) for points in polygons]
     kept = [points for points, fit in zip(polygons, simple, strict=True) if fit]
     curves = _curves(kept, np.array([sample.k for sample in samples])[simple], frame)
@@ -160,7 +157,7 @@ def _linked_corners(way: PlanarMethod, samples: Sequence[SliceSample], frame: Fr
     if not kept:
         return _Planar(curves, None, seconds)
     everywhere = np.ones(len(curves.points), bool)
-    splines, seconds["spline"] = _clocked(lambda: corner_splines(curves, everywhere))
+    splines, seconds["spline"] = timed(corner_splines, curves, everywhere)
     return _Planar(splines.sample(), splines, seconds)
 
 
@@ -180,9 +177,9 @@ def _ordered_pixels(slab: Structure, finding: BoundarySettings, orderers: Sequen
         return orderers[0](extract_boundaries(slab, finding)) if orderers else trace_contours(slab)
 
     order()  # compiled before anything is timed
-    curves, curve_s = _clocked(order)
-    corners, corner_s = _clocked(lambda: k_cosine_corners(curves.points, curves.offsets, K))
-    splines, spline_s = _clocked(lambda: corner_splines(curves, corners))
+    curves, curve_s = timed(order)
+    corners, corner_s = timed(k_cosine_corners, curves.points, curves.offsets, K)
+    splines, spline_s = timed(corner_splines, curves, corners)
     seconds = {"corner": corner_s, "curve": curve_s, "spline": spline_s}
     return _Planar(splines.sample(), splines, seconds)  # as drawn curves: no half pixel is added
 
@@ -192,17 +189,10 @@ def _timed(method: str, planar: _Planar, slab: Structure, n_slices: int, lofting
     slices = len(np.unique(planar.curves.slice))
     seconds, score = dict(planar.seconds), np.nan
     if slices > 1:
-        surface, seconds["surface"] = _clocked(lambda: loft_surface(Sections(planar.curves), lofting))
+        surface, seconds["surface"] = timed(loft_surface, Sections(planar.curves), lofting)
         if len(surface.mesh.faces):
             score = voxel_dice(surface.mesh, slab)
     stages = {f"{stage}_ms": 1e3 * seconds.get(stage, np.nan) / n_slices for stage in STAGES}
     total = sum(stages.values())  # missing where a stage is
     return {"method": method, "slices": n_slices, **stages, "total_ms": total,
             "closed_share": slices / n_slices, "dice_3d": score}  # fmt: skip
-
-
-def _clocked(run: Callable[[], _Result]) -> tuple[_Result, float]:
-    """Return what ``run`` does, and its processor seconds."""
-    begin = time.process_time()
-    result = run()
-    return result, time.process_time() - begin

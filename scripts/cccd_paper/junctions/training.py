@@ -12,15 +12,14 @@ from torch.utils.data import Dataset, Subset
 from torch_geometric.data import Data
 from torch_geometric.loader import DataLoader
 
-from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, IntArray
-from cccd_junctions.decoding import closed_chains, fill_loops
+from cccd_junctions.decoding import fill_loops
 from cccd_junctions.delaunay import build_graph
 from cccd_networks.settings import NetworkSettings
 from cccd_paper.junctions.grid import GridGraph, build_grid, find_chains
 from cccd_paper.junctions.network import PaperNetwork, grid_data
 from cccd_training.junctions.labels import inside_shares, link_labels
-from cccd_training.junctions.scoring import SliceScore, score_slice
+from cccd_training.junctions.scoring import SliceScore, chains_around, score_slice
 from cccd_training.junctions.synthetic_maps import RandomStream, SyntheticMap
 from cccd_training.junctions.tasks import Plan, link_and_curve_scores, make_loader
 
@@ -28,8 +27,6 @@ from cccd_training.junctions.tasks import Plan, link_and_curve_scores, make_load
 _BATCH_SIZE = 10
 # The peak of one cycle of AdamW: the best of a sweep (docs/measured/paper_network.csv).
 _LEARNING_RATE = 0.001
-
-_FLAT = Frame(np.eye(4), 2, (1, 1, 1))
 
 
 def grid_labels(grid: GridGraph, contours: Sequence[AnyArray]) -> IntArray:
@@ -107,7 +104,6 @@ class PaperTask(LinkTask):
         for grid, value, drawn in zip(grids, values, maps, strict=True):
             loops = find_chains(grid, value if grid.has_junctions else None)
             origin = grid.pixels.min(axis=0) - 1
-            masks = fill_loops([loops], origin, grid.pixels.max(axis=0) + 2 - origin)
-            curves = closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT)
-            scores.append(score_slice(list(curves), drawn.contours))
+            (mask,) = fill_loops([loops], origin, grid.pixels.max(axis=0) + 2 - origin)
+            scores.append(score_slice(chains_around(mask, origin), drawn.contours))
         return link_and_curve_scores([value > 0 for value in values], labels, scores)

@@ -11,7 +11,6 @@ from typing import Any, cast
 
 import pandas as pd
 import torch
-from torch import nn
 from tqdm import tqdm
 
 from cccd.errors import InputError
@@ -22,17 +21,14 @@ from cccd_networks.settings import NetworkSettings
 from cccd_training.checkpoints import Checkpoints
 from cccd_training.junctions.frozen_graphs import SPLITS, read_maps
 from cccd_training.junctions.start import fingerprint, start_from
-from cccd_training.junctions.tasks import Plan, Task, make_task
+from cccd_training.junctions.tasks import Task, make_task
+from cccd_training.run import Run
 
 logger = logging.getLogger(__name__)
 
 # Decoupled weight decay (Loshchilov and Hutter 2019): small, as fresh maps leave little to be learnt by
 # heart.
 _WEIGHT_DECAY = 1e-4
-
-# Share of the steps in which the learning rate rises (Smith and Topin 2019): short runs need their falling
-# part.
-_RISING = 0.1
 
 # Largest norm of a step's gradient: single hard maps would throw the weights off.
 _GRADIENT_NORM = 1.0
@@ -75,7 +71,7 @@ def train_model(
         raise InputError("config gnn.graphs", "training or validation is empty", "draw at least one of each")
     task = make_task(splits["training"], settings, seed)
     plan = task.plan
-    run = _Run.start(task, plan, len(task.loader(0, threads)))
+    run = _started(task, threads)
     checkpoints = Checkpoints(Path(checkpoint_dir), fingerprint(graphs_path, settings, seed))
     state = checkpoints.newest()
     if state is not None:
@@ -106,7 +102,7 @@ def train_task(task: Task, seed: int, threads: int = 1) -> Any:
     """Train a task's network for all of its epochs and return it: no validation, no checkpoints."""
     torch.set_num_threads(1)
     cast(Any, torch).manual_seed(seed)
-    run = _Run.start(task, task.plan, len(task.loader(0, threads)))
+    run = _started(task, threads)
     for epoch in range(task.plan.epochs):
         logger.info("epoch %d: loss %.4f", epoch, _run_epoch(run, task, epoch, threads))
     return run.model
@@ -126,35 +122,10 @@ def _named(split: str, scores: Mapping[str, float]) -> dict[str, float]:
 
 
 @dataclass
-class _Run:
-    """A training between two epochs."""
+class _Run(Run):
+    """A training of which the best epoch's weights are kept."""
 
-    model: Any  # a module that has its sizes
-    optimiser: torch.optim.Optimizer
-    schedule: torch.optim.lr_scheduler.LRScheduler
-    history: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
     best: dict[str, Any] = field(default_factory=lambda: {"epoch": -1, "weights": None})
-
-    @classmethod
-    def start(cls, task: Task, plan: Plan, steps_per_epoch: int) -> _Run:
-        """Build a network, perhaps on given weights, and what moves them."""
-        model = task.network().to(chosen_device())
-        if task.settings.start:
-            start_from(model, task.settings.start)
-        peak, steps = plan.learning_rate, plan.epochs * steps_per_epoch + 1
-        optimiser = torch.optim.AdamW(model.parameters(), lr=peak, weight_decay=_WEIGHT_DECAY)
-        schedule = torch.optim.lr_scheduler.OneCycleLR(
-            optimiser,
-            peak,
-            total_steps=steps,
-            pct_start=max(_RISING, 2 / steps),  # a rise of one step divides by zero
-            cycle_momentum=False,
-        )
-        return cls(model, optimiser, schedule)
-
-    @property
-    def device(self) -> torch.device:
-        return next(self.model.parameters()).device
 
     def device_name(self, threads: int) -> str:
         on_gpu = self.device.type == "cuda"
@@ -183,22 +154,22 @@ class _Run:
 
     def state(self) -> dict[str, Any]:
         """All that a later process needs to go on."""
-        return {
-            "model": self.model.state_dict(),
-            "optimiser": self.optimiser.state_dict(),
-            "schedule": self.schedule.state_dict(),
-            "random": torch.get_rng_state(),
-            "history": self.history,
-            "best": self.best,
-        }
+        return {**super().state(), "random": torch.get_rng_state(), "best": self.best}
 
     def restore(self, state: Mapping[str, Any]) -> None:
         """Go on from what `state` gave."""
-        self.model.load_state_dict(state["model"])
-        self.optimiser.load_state_dict(state["optimiser"])
-        self.schedule.load_state_dict(state["schedule"])
+        super().restore(state)
         torch.set_rng_state(state["random"])
-        self.history, self.best = state["history"], state["best"]
+        self.best = state["best"]
+
+
+def _started(task: Task, threads: int) -> _Run:
+    """Build a task's network, perhaps on given weights, and what moves them."""
+    model = task.network().to(chosen_device())
+    if task.settings.start:
+        start_from(model, task.settings.start)
+    steps = task.plan.epochs * len(task.loader(0, threads))
+    return _Run.start(model, task.plan.learning_rate, steps, _WEIGHT_DECAY)
 
 
 def _run_epoch(run: _Run, task: Task, epoch: int, threads: int) -> float:
@@ -208,10 +179,6 @@ def _run_epoch(run: _Run, task: Task, epoch: int, threads: int) -> float:
     total = 0.0
     for batch in tqdm(loader, desc=f"epoch {epoch}", unit="batch", mininterval=2):
         loss = task.loss(run.model, batch.to(run.device))
-        run.optimiser.zero_grad(set_to_none=True)
-        torch.autograd.backward(loss)
-        nn.utils.clip_grad_norm_(run.model.parameters(), _GRADIENT_NORM)
-        run.optimiser.step()
-        run.schedule.step()
+        run.step(loss, _GRADIENT_NORM)
         total += float(loss.detach())
     return total / len(loader)

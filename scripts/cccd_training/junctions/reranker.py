@@ -27,7 +27,6 @@ from cccd_junctions.checkpoint import load_model
 from cccd_junctions.energy import energy_weights, inference_energy, least_energy
 from cccd_junctions.inference import Predictor, read_slices
 from cccd_junctions.network import JunctionNetwork
-from cccd_junctions.observation import observe
 from cccd_junctions.reranking import Reranker
 from cccd_junctions.uncertainty import areas_between, doubt_facts
 from cccd_training.junctions.scoring import score_labels
@@ -50,8 +49,8 @@ KINDS = {
 ORDINARY, SEVERITIES = 0.5, (0.8, 3.0)
 #: Images that are not shown, and pixels of the outlines at least.
 HIDDEN, SHORTEST_PX = 0.15, 80
-#: Maps drawn from one seed, and of these read at once.
-GROUP, BATCH = 12, 4
+#: Maps drawn from one seed.
+GROUP = 12
 #: Channels of the two layers, and what is dropped of them in training.
 CHANNELS, DROPOUT = (96, 48), (0.3, 0.15)
 #: Training: maps per step, peak learning rate, and weight decay.
@@ -90,8 +89,7 @@ def draw_examples(model: Predictor, seed: int, group: int) -> list[Example]:
     rng = np.random.default_rng([seed, group])
     maps = [_draw(rng) for _ in range(GROUP)]
     shown = [None if rng.random() < HIDDEN else drawn.image for drawn in maps]
-    slices = [observe(drawn.pixels, image) for drawn, image in zip(maps, shown, strict=True)]
-    read = [one for n in range(0, GROUP, BATCH) for one in read_slices(slices[n : n + BATCH], model)]
+    read = read_slices([drawn.pixels for drawn in maps], shown, model)
     examples: list[Example] = []
     for drawn, one in zip(maps, read, strict=True):
         if one.logits is None:

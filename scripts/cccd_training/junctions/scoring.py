@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from cccd.containers import Frame
-from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray
+from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import dice
 from cccd_junctions.decoding import closed_chains, fill_inside
@@ -81,8 +81,13 @@ def score_labels(
     graph: DelaunayGraph, inside: BoolArray, truth: Sequence[AnyArray], parts: int | None = None
 ) -> SliceScore:
     """Score the closed chains around a slice's inside triangles (T,) as `score_slice` does; so many parts."""
-    masks, origin = fill_inside(graph, inside)
-    return score_slice(list(closed_chains(masks, origin, np.zeros(1, np.int64), _FLAT, parts)), truth)
+    (mask,), origin = fill_inside(graph, inside)
+    return score_slice(chains_around(mask, origin, parts), truth)
+
+
+def chains_around(mask: BoolArray, origin: IntArray, parts: int | None = None) -> list[FloatArray]:
+    """Find the closed chains (n, 2) around what a slice encloses (I, J), from pixel ``origin`` on."""
+    return list(closed_chains(mask[None], origin, np.zeros(1, np.int64), _FLAT, parts))
 
 
 def _counts(mask: BoolArray) -> tuple[int, int]:

@@ -19,12 +19,13 @@ from tqdm import tqdm
 
 from cccd.geometry.raster import dice
 from cccd_networks.devices import chosen_device
-from cccd_segmentation.inference import device_of, labels_of, predict, probabilities
+from cccd_segmentation.inference import labels_of, predict, probabilities
 from cccd_segmentation.model import load_segmenter
 from cccd_segmentation.networks import build, networks, parameters
 from cccd_segmentation.plan import Plan
 from cccd_segmentation.settings import SegmentationSettings
 from cccd_training.checkpoints import Checkpoints
+from cccd_training.run import Run
 from cccd_training.segmentation.examples import (
     Example,
     LabelledScan,
@@ -41,8 +42,6 @@ logger = logging.getLogger(__name__)
 _FURTHER = 0.5
 #: Held-out scans scored after every epoch, for the learning curve; `score_held_out` scores all.
 _WATCHED = 2
-#: Share of the steps in which the learning rate rises.
-_RISING = 0.1
 _WEIGHT_DECAY = 1e-2
 _GRADIENT_NORM = 12.0  # nnU-Net's
 
@@ -108,43 +107,24 @@ def train_segmenter(
     model = build(network, plan.classes, plan.width, plan.sizes).to(chosen_device())
     logger.info("%s of %d weights, %d scans, %d held out", network, parameters(model), len(chosen), len(held))
     training, test = ([prepare(scan, plan) for scan in some] for some in (chosen, held[:_WATCHED]))
-    optimiser = torch.optim.AdamW(model.parameters(), lr=settings.learning_rate, weight_decay=_WEIGHT_DECAY)
     steps = settings.epochs * -(-len(training) // settings.batch_size)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser,
-        settings.learning_rate,
-        total_steps=steps + 1,
-        pct_start=max(_RISING, 2 / (steps + 1)),
-        cycle_momentum=False,
-    )
-    history: list[dict[str, Any]] = []
+    run = Run.start(model, settings.learning_rate, steps, _WEIGHT_DECAY)
     checkpoints = Checkpoints(Path(checkpoint_dir), _fingerprint(plan, settings, training))
     state = checkpoints.newest()
     if state is not None:
-        model.load_state_dict(state["model"])
-        optimiser.load_state_dict(state["optimiser"])
-        schedule.load_state_dict(state["schedule"])
-        history = state["history"]
-    for epoch in range(len(history), settings.epochs):
+        run.restore(state)
+    for epoch in range(len(run.history), settings.epochs):
         begun = time.perf_counter()
         torch.manual_seed(seed + 1 + epoch)  # the same randomness whether the run was resumed or not
-        loss = _run_epoch(model, optimiser, schedule, training, plan, settings, epoch)
+        loss = _run_epoch(run, training, plan, settings, epoch)
         scores = score(model, test, plan)
         seconds = round(time.perf_counter() - begun, 1)
         row = {"epoch": epoch, "loss": loss, **_named(scores, plan), "seconds": seconds}
         logger.info("%s", row)
-        history = [*history, row]
-        checkpoints.save(
-            epoch,
-            {
-                "model": model.state_dict(),
-                "optimiser": optimiser.state_dict(),
-                "schedule": schedule.state_dict(),
-                "history": history,
-            },
-        )
+        run.history = [*run.history, row]
+        checkpoints.save(epoch, run.state())
     logger.info("%.0f s in this process", time.perf_counter() - started)
-    return Trained(model.eval(), plan, pd.DataFrame(history))
+    return Trained(model.eval(), plan, pd.DataFrame(run.history))
 
 
 def _fingerprint(plan: Plan, settings: SegmentationSettings, examples: Sequence[Example]) -> str:
@@ -156,35 +136,23 @@ def _fingerprint(plan: Plan, settings: SegmentationSettings, examples: Sequence[
 
 
 def _run_epoch(
-    model: nn.Module,
-    optimiser: torch.optim.Optimizer,
-    schedule: torch.optim.lr_scheduler.LRScheduler,
-    examples: Sequence[Example],
-    plan: Plan,
-    settings: SegmentationSettings,
-    epoch: int,
+    run: Run, examples: Sequence[Example], plan: Plan, settings: SegmentationSettings, epoch: int
 ) -> float:
     """One pass over the training examples; returns the mean loss of the final output."""
-    model.train()
+    run.model.train()
     dice_ce = DiceCELoss(to_onehot_y=True, softmax=True, include_background=False, batch=True)
-    device = device_of(model)
+    device = run.device
     total = []
     for images, labels in tqdm(
         batches(examples, plan, settings, epoch, plan.seed), desc=f"epoch {epoch}", mininterval=5
     ):
         with torch.autocast(device.type, torch.bfloat16, enabled=settings.precision == "bfloat16"):
-            outputs = cast(Supervised, model).outputs(images.to(device), labels.to(device))
+            outputs = cast(Supervised, run.model).outputs(images.to(device), labels.to(device))
         losses = [dice_ce(logits.float(), truth) for logits, truth in outputs]
         weights = [1.0] + [_FURTHER] * (len(losses) - 1)
         loss = (torch.stack(losses) * torch.tensor(weights, device=device)).sum() / sum(weights)
-        optimiser.zero_grad(set_to_none=True)
-        torch.autograd.backward(loss)
-        norm = nn.utils.clip_grad_norm_(model.parameters(), _GRADIENT_NORM)
-        if bool(torch.isfinite(norm)):  # one step that is not would leave no weight that is
-            optimiser.step()
-        else:
+        if not run.step(loss, _GRADIENT_NORM):
             logger.warning("epoch %d: a step whose gradient is not finite was left out", epoch)
-        schedule.step()
         total.append(float(losses[0].detach()))
     return float(np.mean(total))
 

@@ -1,11 +1,9 @@
 import numpy as np
 import pytest
 
-from cccd_junctions.columns import Column, FeatureSchema
+from cccd_junctions.columns import FeatureSchema
 
-SCHEMA = FeatureSchema(
-    Column("length", "px", "of a link"), Column("turn", "1", "of its direction", ("cos", "sin"))
-)
+SCHEMA = FeatureSchema(length=1, turn=2)
 
 
 @pytest.mark.parametrize(

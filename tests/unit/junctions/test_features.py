@@ -86,12 +86,12 @@ def test_columns_hold_what_their_names_say():
     for table, (schema, columns) in named.items():
         for name, expected in columns.items():
             np.testing.assert_allclose(getattr(features, table)[:, schema[name]][:, 0], expected, rtol=1e-6)
-    centre = NODES.names.index("occupancy_1px[+0,+0]")
-    assert np.array_equal(features.nodes[:, centre] == 255, graph.observed)
+    patch = features.nodes[:, NODES["occupancy_1px"]]
+    assert np.array_equal(patch[:, patch.shape[1] // 2] == 255, graph.observed)
     assert np.array_equal(features.nodes[:, NODES["unobserved"]][:, 0] == 255, ~graph.observed & ~graph.ghost)
 
 
 def test_the_network_is_as_wide_as_its_columns():
     model = JunctionNetwork()
     widths = [model.pixel_encoder[0], model.triangle_encoder[1], model.link_encoder[1]]
-    assert [layer.in_features for layer in widths] == [len(part.names) for part in (NODES, TRIANGLES, LINKS)]
+    assert [layer.in_features for layer in widths] == [part.width for part in (NODES, TRIANGLES, LINKS)]

@@ -10,8 +10,7 @@ from cccd_junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, des
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.energy import energy_weights, inference_energy, least_energy
-from cccd_junctions.inference import SLICES_PER_BATCH, read_slices
-from cccd_junctions.observation import observe
+from cccd_junctions.inference import read_slices
 from cccd_junctions.reranking import WEIGHTS, WEIGHTS_SHA256, Reranker, shipped_reranker
 from cccd_junctions.stacks import label_slices
 from cccd_training.junctions.reranker import Example, draw_examples, train_reranker
@@ -106,12 +105,7 @@ def test_four_of_five_damaged_maps_are_read_without_a_mistake_and_the_wrong_ones
     model = load_model(SHIPPED)
     rng = np.random.default_rng(77)
     maps = [draw_map(rng, kind, 2.0) for kind in ("pinch", "gaps", "double", "thick") for _ in range(25)]
-    slices = [observe(drawn.pixels, drawn.image) for drawn in maps]
-    read = [
-        one
-        for n in range(0, len(slices), SLICES_PER_BATCH)
-        for one in read_slices(slices[n : n + SLICES_PER_BATCH], model)
-    ]
+    read = read_slices([drawn.pixels for drawn in maps], [drawn.image for drawn in maps], model)
     labelled = label_slices(read, 2 * np.arange(len(read)))
     right = np.array([
         score_labels(one.graph, found.inside, drawn.contours).correct
