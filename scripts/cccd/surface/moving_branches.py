@@ -25,6 +25,9 @@ SAME_HEIGHT = 1e-6
 #: A section's way may differ from what its ellipse tells by this share of its length, and by so many pixels;
 #: and of two sections that are moved one is no more than so many times as long that way, but for a pixel.
 _OFF_COURSE, _OFF_PIXELS, _LONGER = 0.5, 2.0, 2.0
+#: What overlaps nothing follows what lies so near beside it, whatever its ellipse tells (share of the
+#: distance between slices): at twice that, bends of the colon and bronchi are joined to other parts.
+_BESIDE = 0.25
 #: Pixels count as the branch's own where they are so much nearer to it than to all else, in pixels.
 _OWN_PIXELS = 4.0
 #: What is moved is known so many pixels around the sections.
@@ -287,13 +290,14 @@ class SliceGap:
         return np.maximum(*self._off(a, b)) <= _OFF_COURSE * length + _OFF_PIXELS * pixel
 
     def _nearest_free(self, pixel: float) -> IntArray:
-        """Pairs (P, 2) of parts that overlap nothing, and lie where both ellipses tell."""
+        """Pairs (P, 2) of parts that overlap nothing, and lie where both ellipses tell or side by side."""
         low, high = np.flatnonzero(self.free(False)), np.flatnonzero(self.free(True))
         if not (len(low) and len(high)):
             return np.zeros((0, 2), np.int64)
         a, b = low[:, None], high[None]
         length = np.linalg.norm(self.above.centres[b] - self.below.centres[a], axis=-1)
-        follows = (length <= STEEPEST * self.height) & self._on_course(a, b, pixel)
+        beside = length - self.below.half_widths[a] - self.above.half_widths[b] <= _BESIDE * self.height
+        follows = (length <= STEEPEST * self.height) & (self._on_course(a, b, pixel) | beside)
         off = np.where(follows, sum(self._off(a, b)), np.inf)
         best = off.argmin(axis=1)
         mutual = follows[np.arange(len(low)), best] & (off.argmin(axis=0)[best] == np.arange(len(low)))
