@@ -15,6 +15,7 @@ from scipy import ndimage
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import FloatArray, SingleArray
+from cccd.geometry.distance import to_polygons
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
@@ -122,8 +123,6 @@ def surface_through(planes: Sequence[DrawnPlane], location: str) -> Mesh:
 
 def _distances(plane: DrawnPlane, nodes: FloatArray, pixel: float) -> SingleArray:
     """Signed distances (N,) in a plane, at the feet of nodes (N, 3) on it."""
-    from cccd.geometry.polygon_distance import to_polygons  # loads a compiler
-
     across = np.cross(plane.normal, np.eye(3)[np.abs(plane.normal).argmin()])
     across /= np.linalg.norm(across)
     axes = np.column_stack([across, np.cross(plane.normal, across)])

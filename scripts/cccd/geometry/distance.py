@@ -1,4 +1,4 @@
-"""Signed distances, negative inside: to masks and meshes. libigl, in one thread, measures those to meshes."""
+"""Signed distances, negative inside: to masks, polygons and meshes."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
 from cccd.geometry.libigl import igl
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.opencv import distance_to_zero
+from cccd.geometry.polygons import RaggedPolygons
 
 #: Boxes around the triangles of a mesh, kept while it is: they take longer to make than to ask.
 _TREES: WeakKeyDictionary[Mesh, Any] = WeakKeyDictionary()
@@ -40,6 +41,36 @@ def to_mask(mask: BoolArray, spacing: FloatArray) -> SingleArray:
     to_border = scipy.ndimage.distance_transform_edt
     inwards, outwards = (to_border(side, sampling=spacing) for side in (mask, ~mask))
     return np.asarray(np.where(mask, half - inwards, outwards - half), np.float32)
+
+
+def to_polygons(inside: BoolArray, polygons: RaggedPolygons, spacing: FloatArray) -> SingleArray:
+    """Signed distance of every pixel (I, J) to the nearest of some polygons.
+
+    Parameters
+    ----------
+    inside : (I, J) bool
+        Pixels whose centres the polygons enclose.
+    polygons : RaggedPolygons
+        In mm from the centre of the first pixel; at least one.
+    spacing : (2,) float64
+        Edge lengths of a pixel in mm.
+
+    Examples
+    --------
+    >>> square = RaggedPolygons.of([np.array([(1.0, 1), (3, 1), (3, 3), (1, 3)])])
+    >>> inside = np.zeros((5, 5), bool)
+    >>> inside[1:4, 1:4] = True
+    >>> to_polygons(inside, square, np.ones(2))[2].tolist()
+    [1.0, 0.0, -1.0, 0.0, 1.0]
+    """
+    pixels: FloatArray = np.moveaxis(np.indices(inside.shape), 0, -1).reshape(-1, 2) * spacing
+    corners, places = (np.pad(points, ((0, 0), (0, 1))) for points in (polygons.points, pixels))
+    sides = np.column_stack([np.arange(len(corners)), polygons.successors])
+    tree = igl.AABB()
+    tree.init(corners, sides)
+    squared = tree.squared_distance(corners, sides, places)[0].reshape(inside.shape)
+    away = np.sqrt(squared).astype(np.float32)
+    return np.where(inside & (away > 0), -away, away)
 
 
 def nearest_faces(points: FloatArray, mesh: Mesh) -> IntArray:

@@ -15,7 +15,7 @@ from scipy import ndimage
 from cccd.containers import Curves, Sections
 from cccd.errors import InputError
 from cccd.geometry.arrays import BoolArray, FloatArray, IntArray, SingleArray
-from cccd.geometry.distance import to_mask
+from cccd.geometry.distance import to_mask, to_polygons
 from cccd.geometry.grid import ScalarGrid
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.polygons import RaggedPolygons
@@ -228,8 +228,6 @@ def _of_mask(mask: BoolArray, origin: IntArray, spacing: FloatArray, reach: IntA
 
 def _of_polygons(curves: Curves, slices: IntArray, layer: IntArray, reach: IntArray | None) -> Borders:
     """Distances to polygons that are the border."""
-    from cccd.geometry.polygon_distance import to_polygons  # loads a compiler
-
     ends = np.stack([np.floor(curves.points.min(axis=0)), np.ceil(curves.points.max(axis=0))])
     first, last = _around(ends.astype(np.int64), reach)
     spacing = curves.frame.pixel_spacing

@@ -288,8 +288,6 @@ REFINEMENTS = 3
 CROSSING_REFINEMENTS = 2
 #: Where it is amiss the coarse mesh may have so many times the triangles that it has at most elsewhere.
 AMISS_FINER = 2
-#: Edges within so many pixels of lost voxels cost so many times as much.
-BESIDE_LOST, LOST_DEARER = 3.0, 256.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,7 +364,7 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
         start, coarse = control_mesh(fine, most, ends, weights)
         fit = fit_spline(start, target)
         fit.hold(volume, 1)
-        places = lost = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
+        places = _lost(fit.spline, stack) if attempt < REFINEMENTS else np.zeros((0, 3))
         if not len(places):
             fit.hold(volume)
             crossing = fit.untangle(lambda spline: _as_written(spline, stack).vertices)
@@ -376,12 +374,6 @@ def _fit_and_refine(cut: Mesh, target: Target, stack: SliceStack) -> tuple[Contr
                 break
             drawn = fit.spline.tessellate()
             places = drawn.vertices[drawn.faces[crossing[:, 0], 0]]
-        if len(lost):
-            if attempt == 1:  # it is sought among more triangles
-                fine = _spared(cut, most, stack, lost)
-                weights = np.ones(len(fine.vertices))
-            else:
-                weights *= _dearer(fine, lost, stack)
         there = np.zeros(len(coarse.faces), np.bool_)
         there[nearest_faces(places, coarse)] = True
         there = coarse.with_neighbours(there)
@@ -409,18 +401,10 @@ def _evened(cut: Mesh, target: Target, finest: int, stack: SliceStack) -> tuple[
     return fine, weights, most
 
 
-def _spared(cut: Mesh, most: int, stack: SliceStack, lost: FloatArray | None = None) -> Mesh:
-    """Collapse edges of a mesh until so many triangles can be chosen from it, later beside places (P, 3)."""
-    left = SPARE * most
-    first = left if lost is None else max(len(cut.faces) // 2, 2 * left)
-    fine = moved_to_ends(ahead(cut, first), stack.distance)
-    weights = None if lost is None else _dearer(fine, lost, stack)
-    return fewer_triangles(fine, left, stack.distance.ends, weights)
-
-
-def _dearer(mesh: Mesh, lost: FloatArray, stack: SliceStack) -> FloatArray:
-    """Weights (V,) for the collapse of a mesh that keep it fine beside lost voxels (P, 3)."""
-    return np.where(cKDTree(lost).query(mesh.vertices)[0] < BESIDE_LOST * stack.pixel, LOST_DEARER, 1.0)
+def _spared(cut: Mesh, most: int, stack: SliceStack) -> Mesh:
+    """Collapse edges of a mesh until so many triangles can be chosen from it."""
+    fine = moved_to_ends(ahead(cut, SPARE * most), stack.distance)
+    return fewer_triangles(fine, SPARE * most, stack.distance.ends)
 
 
 def _lost(spline: ControlMesh, stack: SliceStack) -> FloatArray:

@@ -9,10 +9,10 @@ from cccd.geometry.distance import (
     nearest_points,
     to_mask,
     to_mesh,
+    to_polygons,
     unsigned_to_mesh,
 )
 from cccd.geometry.mesh import Mesh
-from cccd.geometry.polygon_distance import to_polygons
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.thickness import Lines
 
