@@ -7,6 +7,7 @@ from pathlib import Path
 import nibabel
 import numpy as np
 import pytest
+import pyvista
 
 import cccd
 from cccd.bands import (
@@ -119,7 +120,6 @@ def test_slices_unlike_those_of_the_calibration_are_marked():
 
 
 def test_files_carry_the_band(ellipsoid, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     surface = ellipsoid[2].lofted
     write_surface(tmp_path / "surface.ply", surface)
     band = surface.band, surface.vertices

@@ -4,9 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-
-pytest.importorskip("vtk")
-
 from scipy.spatial.transform import Rotation
 from support.closed_shapes import box, moved, sphere, together, torus
 from truth_measures import (
