@@ -1,6 +1,5 @@
 """Bands of surfaces whose true surface is known, and what is written of them."""
 
-import hashlib
 import json
 from pathlib import Path
 
@@ -11,8 +10,6 @@ import pyvista
 
 import cccd
 from cccd.bands import (
-    SHIPPED,
-    SHIPPED_SHA256,
     SIGNS,
     Band,
     Calibration,
@@ -217,10 +214,6 @@ def test_what_is_no_calibration_is_refused(tmp_path, content):
 def test_shares_that_no_factor_is_kept_for_are_refused():
     with pytest.raises(InputError, match="no factors for a share"):
         Calibration("nothing", {}).factors(3.0, 0.9)
-
-
-def test_the_shipped_file_is_the_one_that_its_hash_names():
-    assert hashlib.sha256(SHIPPED.read_bytes()).hexdigest() == SHIPPED_SHA256
 
 
 def test_a_band_moves_to_another_mesh():
