@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame, Sections, Structure
-from cccd.contours import trace_contours
+from cccd.contours import trace_mask
+from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
 from cccd.surface.surface import LoftedSurface
@@ -26,6 +27,16 @@ def curves_of(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> Curves:
 
 def lofted(mask: np.ndarray, spacing=(1.0, 1.0, 1.0)) -> LoftedSurface:
     return loft_surface(Sections(curves_of(mask, spacing)), SETTINGS)
+
+
+def drawn(polygons, slices=None, shape=(60, 60, 60), affine=None) -> Curves:
+    """Polygons (n, 2) as curves, one slice each unless slices are given, that run along the last axis."""
+    ragged = RaggedPolygons.of([np.asarray(polygon, float) for polygon in polygons])
+    slices = np.arange(len(polygons)) if slices is None else np.asarray(slices)
+    frame = Frame(np.eye(4) if affine is None else affine, 2, shape)
+    return Curves(
+        ragged.points, ragged.offsets, slices.astype(np.int32), np.zeros(len(polygons), bool), frame
+    )
 
 
 def grid(*shape: int) -> np.ndarray:

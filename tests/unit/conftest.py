@@ -2,11 +2,11 @@ import json
 
 import numpy as np
 import pytest
+from support.shapes import drawn
 
 from cccd.cli import main
-from cccd.containers import Curves, Frame
+from cccd.containers import Frame
 from cccd.contours import trace_stack
-from cccd.geometry.arrays import concatenate_ragged
 
 SHAPE = (420, 420, 12)
 
@@ -50,15 +50,9 @@ def frame():
 
 
 @pytest.fixture
-def curves_of(frame):
+def curves_of():
     """Curves from polygons (n, 2), one slice each unless slices are given."""
-
-    def build(*polygons, slices=None):
-        points, offsets = concatenate_ragged([np.asarray(polygon, float) for polygon in polygons])
-        slices = np.arange(len(polygons)) if slices is None else np.asarray(slices)
-        return Curves(points, offsets, slices.astype(np.int32), np.zeros(len(polygons), bool), frame)
-
-    return build
+    return lambda *polygons, slices=None: drawn(polygons, slices, SHAPE)
 
 
 @pytest.fixture

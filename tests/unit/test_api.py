@@ -9,9 +9,9 @@ import pytest
 import trimesh
 from support import fresh
 from support.refusals import refusal
+from support.shapes import drawn
 
 import cccd
-from cccd.containers import Curves, Frame
 from cccd.project import PROJECT, SHIPPED_WEIGHTS
 from cccd.tolerances import CONTROL_POINT_PIXELS
 
@@ -112,7 +112,6 @@ def test_a_file_gives_what_its_array_gives_and_every_format_is_the_registry_s(su
 
 
 def test_the_order_of_a_map_s_pixels_is_found_and_lofted():
-    pytest.importorskip("torch")
     mask = ball()
     inner = mask & np.roll(mask, 1, 0) & np.roll(mask, -1, 0) & np.roll(mask, 1, 1) & np.roll(mask, -1, 1)
     curves = cccd.order(mask & ~inner, AFFINE)
@@ -126,9 +125,7 @@ def test_a_given_curve_that_crosses_itself_is_a_warning_of_the_surface():
     angle = np.linspace(0, 2 * np.pi, 80, endpoint=False) + 0.01
     circle = 30 + 12.3 * np.column_stack([np.cos(angle), np.sin(angle)])
     loop = 30 + np.column_stack([12.3 * np.sin(angle), 9 * np.sin(2 * angle) + 6 * np.sin(angle)])
-    points = np.concatenate([circle, circle, loop, circle, circle])
-    layers, hole = np.arange(5, dtype=np.int32), np.zeros(5, bool)
-    curves = Curves(points, 80 * np.arange(6), layers, hole, Frame(np.eye(4), 2, (60, 60, 5)))
+    curves = drawn([circle, circle, loop, circle, circle], shape=(60, 60, 5))
     (line,) = (line for line in cccd.reconstruct(curves).warnings if "crosses itself" in line)
     assert "slice 2 at (30.0, 30.0), 30.0, 30.0, 2.0 mm" in line
 

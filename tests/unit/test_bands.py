@@ -1,17 +1,15 @@
 """Bands of surfaces whose true surface is known, and what is written of them."""
 
-import hashlib
 import json
 from pathlib import Path
 
 import nibabel
 import numpy as np
 import pytest
+import pyvista
 
 import cccd
 from cccd.bands import (
-    SHIPPED,
-    SHIPPED_SHA256,
     SIGNS,
     Band,
     Calibration,
@@ -119,7 +117,6 @@ def test_slices_unlike_those_of_the_calibration_are_marked():
 
 
 def test_files_carry_the_band(ellipsoid, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     surface = ellipsoid[2].lofted
     write_surface(tmp_path / "surface.ply", surface)
     band = surface.band, surface.vertices
@@ -217,10 +214,6 @@ def test_what_is_no_calibration_is_refused(tmp_path, content):
 def test_shares_that_no_factor_is_kept_for_are_refused():
     with pytest.raises(InputError, match="no factors for a share"):
         Calibration("nothing", {}).factors(3.0, 0.9)
-
-
-def test_the_shipped_file_is_the_one_that_its_hash_names():
-    assert hashlib.sha256(SHIPPED.read_bytes()).hexdigest() == SHIPPED_SHA256
 
 
 def test_a_band_moves_to_another_mesh():

@@ -13,7 +13,9 @@ from threading import Thread
 import nibabel
 import numpy as np
 import psutil
+import pydicom
 import pytest
+import pyvista
 import trimesh
 from matplotlib.image import imread
 from support import fresh, scans
@@ -145,7 +147,6 @@ def test_a_file_of_settings_is_followed(here, capsys):
 
 
 def test_dicom_contours_and_what_check_says_of_them(here, capsys):
-    pytest.importorskip("pydicom")
     (here / "drawn").mkdir()
     scans.write_structure_set(here / "drawn" / "rt", {"Liver": scans.outlines(ball(), AFFINE)})
     assert main(["surface", "drawn", "--label", "Liver"]) == 0
@@ -217,7 +218,6 @@ def test_check_of_one_label_or_one_of_many_draws_its_outline(here, answer):
 
 
 def test_check_of_a_sheet_goes_through_all_rows(here, capsys):
-    pytest.importorskip("jsonschema")
     Path("names.csv").write_text("label,name\n5,liver\n7,kidney\n")
     rows = [
         "case organ mask label labels",
@@ -244,7 +244,6 @@ def test_check_of_a_sheet_goes_through_all_rows(here, capsys):
 
 
 def test_check_of_drawn_regions_and_of_a_folder_of_masks(here, answer):
-    pytest.importorskip("pydicom")
     rois = {"Liver": ball(), "Vessel": ball(radius=3), "Point": ball(radius=1)}
     (here / "drawn").mkdir()
     drawn = {name: scans.outlines(mask, AFFINE) for name, mask in rois.items()}
@@ -292,22 +291,6 @@ WRONG = {
         "surface liver.nii.gz -o a.ply -o a.seg.dcm",
         "a.seg.dcm: a SEG needs its DICOM series",
     ),
-    "labels over the scan": (
-        "segment liver.nii.gz --segmenter hippocampus --labels liver.nii.gz",
-        "that is the input",
-    ),
-    "labels of no format": (
-        "segment liver.nii.gz --segmenter hippocampus --labels a.ply",
-        "end its name with .nii.gz",
-    ),
-    "an organ that the weights do not know": (
-        "segment liver.nii.gz --segmenter hippocampus --organ liver",
-        "trained to find hippocampus, not liver",
-    ),
-    "labels and surface in one": (
-        "segment liver.nii.gz --segmenter hippocampus --labels a.nii.gz -o a.nii.gz",
-        "named twice",
-    ),
     "one output twice": ("surface liver.nii.gz -o a.ply -o a.ply", "named twice"),
     "a label of one mask": ("surface liver.nii.gz --label liver", "no label 'liver'"),
     "names of one label": ("surface labels.nii.gz --names names.csv", "add --all-labels"),
@@ -334,6 +317,16 @@ WRONG = {
     "not for Snakemake": ("surface liver.nii.gz -- --dry-run", "leave them out"),
 }
 
+WRONG |= {
+    f"segment {options}": (f"segment liver.nii.gz --segmenter hippocampus {options}", words)
+    for options, words in {
+        "--labels liver.nii.gz": "that is the input",
+        "--labels a.ply": "end its name with .nii.gz",
+        "--organ liver": "trained to find hippocampus, not liver",
+        "--labels a.nii.gz -o a.nii.gz": "named twice",
+    }.items()
+}
+
 
 @pytest.mark.parametrize(("arguments", "words"), WRONG.values(), ids=WRONG)
 def test_what_cannot_work_ends_in_one_line(here, refused, arguments, words):
@@ -357,7 +350,6 @@ def test_the_folder_one_is_in_has_a_name(here, refused, monkeypatch, command):
 
 @pytest.fixture(scope="module")
 def written_image(tmp_path_factory):
-    pytest.importorskip("pydicom")
     folder = tmp_path_factory.mktemp("image")
     grey = np.where(ball(), 100, -900).astype(np.int16)
     grey += np.random.default_rng(0).integers(-20, 20, grey.shape).astype(np.int16)
@@ -424,7 +416,6 @@ def test_thresholds_and_seeds_that_cannot_be_meant(image_alone, refused, argumen
 
 @pytest.mark.parametrize("name", ["scan", "scan.nii.gz"])
 def test_a_seed_says_where_the_organ_is(image_alone, answer, name):
-    pytest.importorskip("torch")
     middle = ",".join(str(int(index)) for index in np.argwhere(ball()).mean(axis=0))
     (made,) = answer("surface", name, "--seed", middle)["surfaces"]
     assert (made["organ"], made["files"]) == ("seeded", ["scan_seeded.ply"])
@@ -433,7 +424,6 @@ def test_a_seed_says_where_the_organ_is(image_alone, answer, name):
 
 
 def test_what_cannot_be_referred_to_is_said_before_the_work(image_alone, refused, monkeypatch):
-    pydicom = pytest.importorskip("pydicom")
     file = min((image_alone / "scan").iterdir())
     image = pydicom.dcmread(file)
     del image.SOPClassUID, image.file_meta.MediaStorageSOPClassUID
@@ -606,7 +596,6 @@ def test_triangles_of_one_size_are_counted_and_measured(here, capsys, refused, a
 
 
 def test_materials_come_from_the_scan(here, refused):
-    pyvista = pytest.importorskip("pyvista")
     pytest.importorskip("pytetwild", reason="the extra fe is not installed")
     grey = np.broadcast_to(10 * (np.arange(24) - 12)[:, None, None], ball().shape).astype(np.int16)
     nibabel.save(nibabel.Nifti1Image(grey, AFFINE), here / "ct.nii.gz")

@@ -2,12 +2,11 @@
 
 import numpy as np
 import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-
-from cccd.errors import InputError  # noqa: E402
-from cccd.project import PROJECT  # noqa: E402
-from cccd_networks.devices import DEVICE, chosen_device  # noqa: E402
+from cccd.errors import InputError
+from cccd.project import PROJECT
+from cccd_networks.devices import DEVICE, chosen_device
 
 GPU = torch.cuda.is_available()
 
@@ -30,7 +29,6 @@ def test_a_device_that_is_not_there_is_refused(monkeypatch, name, words):
 
 @pytest.mark.skipif(not GPU, reason="torch finds no GPU here")
 def test_a_gpu_gives_the_probabilities_of_the_processor(monkeypatch):
-    pytest.importorskip("monai")
     from cccd.inputs.grid import Volume
     from cccd_segmentation.inference import probabilities
     from cccd_segmentation.model import load_segmenter

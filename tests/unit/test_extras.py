@@ -5,6 +5,7 @@ import json
 import nibabel
 import numpy as np
 import pytest
+import trimesh
 from scipy import ndimage
 from support import fresh, scans
 
@@ -90,11 +91,9 @@ TOGETHER = [
 @pytest.fixture(scope="module")
 def inputs(tmp_path_factory):
     """A folder with an input of every kind."""
-    pytest.importorskip("highdicom")
     from cccd.geometry.mesh import Mesh
     from cccd_dicom.seg import write
 
-    trimesh = pytest.importorskip("trimesh")
     folder = tmp_path_factory.mktemp("inputs")
     offset = (np.indices((24, 24, 13)) - np.array((12, 12, 6)).reshape(3, 1, 1, 1)).T * (1, 1, 2.5)
     ball = (np.linalg.norm(offset, axis=-1) <= 8).T

@@ -9,6 +9,7 @@ from dataclasses import replace
 import nibabel
 import numpy as np
 import pytest
+import pyvista
 import trimesh
 from support.shapes import ball, fork, lofted
 
@@ -56,7 +57,6 @@ def test_glb_is_in_metres_with_y_up(surface, tmp_path):
 
 
 def test_vtp_says_its_frame_and_has_curvature_and_the_body_at_its_vertices(surface, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     write_surface(tmp_path / "surface.vtp", surface)
     mesh = pyvista.read(tmp_path / "surface.vtp")
     assert mesh.n_points == len(surface.vertices)

@@ -1,8 +1,14 @@
+import hashlib
+from pathlib import Path
+
 import pytest
 from support import ROOT
 from support.refusals import refusal
 
+from cccd import bands
 from cccd.errors import InputError
+from cccd.surface import learned_distance
+from cccd_junctions import reranking
 from cccd_junctions.checkpoint import load_model, save_model
 from cccd_junctions.network import JunctionNetwork
 from cccd_networks.model_header import check_model, check_start, read_header
@@ -34,6 +40,18 @@ def test_the_other_networks_file_is_refused_in_one_line(files, name, other):
     line = refusal(check_model, files / f"{name}.pt", other)
     assert f"{name}.pt" in line
     assert f"set gnn.network to {name}" in line
+
+
+@pytest.mark.parametrize(
+    ("file", "digest"),
+    [
+        (learned_distance.WEIGHTS, learned_distance.WEIGHTS_SHA256),
+        (reranking.WEIGHTS, reranking.WEIGHTS_SHA256),
+        (bands.SHIPPED, bands.SHIPPED_SHA256),
+    ],
+)
+def test_a_shipped_file_is_the_one_that_its_hash_names(file, digest):
+    assert hashlib.sha256(Path(file).read_bytes()).hexdigest() == digest
 
 
 def test_the_shipped_files_are_read():

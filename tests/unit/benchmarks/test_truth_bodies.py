@@ -2,12 +2,9 @@
 
 import numpy as np
 import pytest
-
-pytest.importorskip("vtk")
-trimesh = pytest.importorskip("trimesh")
-
-from scipy.spatial.transform import Rotation  # noqa: E402
-from truth_bodies import (  # noqa: E402
+import trimesh
+from scipy.spatial.transform import Rotation
+from truth_bodies import (
     CORTICAL,
     TURN_DEG,
     analytic_body,
@@ -16,7 +13,7 @@ from truth_bodies import (  # noqa: E402
     mesh_files,
     sample_stack,
 )
-from truth_measures import euler_number, open_edges, wrong_voxels  # noqa: E402
+from truth_measures import euler_number, open_edges, wrong_voxels
 
 TURN = Rotation.from_euler("xyz", TURN_DEG, degrees=True)
 EULER = {"ball": 2, "ellipsoid": 2, "torus": 0, "rounded box": 2, "curved sheet": 2, "hollow ball": 4}
@@ -53,7 +50,6 @@ def test_volumes_are_the_formulas():
 
 @pytest.mark.parametrize("name", CORTICAL)
 def test_cortical_surfaces_are_closed_and_outwards(name):
-    pytest.importorskip("nilearn")
     body = cortical_body(name, TURN)
     assert (open_edges(body.truth), euler_number(body.truth)) == (0, 2)
     assert 300_000 < body.truth.volume < 520_000

@@ -4,9 +4,6 @@ from functools import partial
 
 import numpy as np
 import pytest
-
-pytest.importorskip("vtk")
-
 from scipy.spatial.transform import Rotation
 from support.closed_shapes import box, moved, sphere, together, torus
 from truth_measures import (
@@ -20,7 +17,6 @@ from truth_measures import (
     open_edges,
     sample_surface,
     to_image,
-    to_polydata,
     transformed,
     wrong_voxels,
 )
@@ -98,13 +94,6 @@ def test_euler_numbers_and_open_edges():
     assert (open_edges(holed), euler_number(holed)) == (3, 1)
     # a vertex without faces does not count
     assert euler_number(Mesh(np.vstack([cube().vertices, [99, 99, 99]]), cube().faces)) == 2
-
-
-def test_vtk_gives_back_the_mesh():
-    mesh = from_polydata(to_polydata(cube()))
-    assert np.array_equal(mesh.vertices, cube().vertices)
-    assert np.array_equal(mesh.faces, cube().faces)
-    assert len(from_polydata(to_polydata(Mesh.empty())).faces) == 0
 
 
 @pytest.mark.parametrize("flip", [1, -1])

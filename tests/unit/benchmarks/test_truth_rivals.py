@@ -1,14 +1,10 @@
 """Rivals of the exact-truth benchmark lie where the mask is, and are chosen as the tables say."""
 
 import numpy as np
-import pytest
-from support import ROOT
-
-pytest.importorskip("vtk")
-pytest.importorskip("nibabel")
-
 import pandas as pd
+import pytest
 from scipy.spatial.transform import Rotation
+from support import ROOT
 from truth_bodies import TURN_DEG, analytic_body, sample_stack
 from truth_measures import Target, compare, open_edges, wrong_voxels
 from truth_rivals import (

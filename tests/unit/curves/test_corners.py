@@ -1,11 +1,10 @@
 import numpy as np
 import pytest
 from support.known_curves import rectangle
+from support.shapes import drawn
 
-from cccd.containers import Curves
 from cccd.contours import trace_stack
 from cccd.curves.corners import k_cosine, k_cosine_corners, sharp_corners
-from cccd.geometry.arrays import concatenate_ragged
 
 
 def naive_k_cosine(points, m):
@@ -59,7 +58,6 @@ def test_sharp_corners_are_corners_of_the_shape_not_of_the_grid(frame):
     discs = trace_stack(np.stack([away < radius + 0.3 for radius in (9, 15, 40, 80)]), (0, 0, 0), frame)
     assert not sharp_corners(discs.points, discs.offsets).any()
     tiny, _ = rectangle(3, 4)
-    together = concatenate_ragged([tiny, points])
-    curves = Curves(*together, np.array([0, 1]), np.zeros(2, bool), frame)
+    curves = drawn([tiny, points])
     found = np.flatnonzero(sharp_corners(curves.points, curves.offsets))
     assert (found - len(tiny)).tolist() == vertices

@@ -94,7 +94,6 @@ def test_samples_lie_on_the_surface_and_fill_it_evenly():
 
 
 def test_simplified_keeps_size_and_volume():
-    pytest.importorskip("fast_simplification")
     mesh = sphere(10, subdivisions=5)
     small = mesh.simplified(3000)
     assert 500 < len(small.faces) <= 3000

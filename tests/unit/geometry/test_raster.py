@@ -2,18 +2,9 @@ import numpy as np
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from support.shapes import drawn
 
-from cccd.containers import Curves, Frame
-from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
-
-
-def curves_of(polygons, slices, shape=(40, 40, 5)):
-    ragged = RaggedPolygons.of([np.asarray(p, float) for p in polygons])
-    hole = np.zeros(len(polygons), bool)
-    return Curves(
-        ragged.points, ragged.offsets, np.asarray(slices, np.int32), hole, Frame(np.eye(4), 2, shape)
-    )
 
 
 @settings(max_examples=60, deadline=None)
@@ -26,7 +17,7 @@ def test_agrees_with_shapely_on_random_stars(seed, on_lattice):
         radius = rng.uniform(2, 18, len(angle))
         star = 15 + rng.uniform(-5, 5, 2) + radius[:, None] * np.column_stack([np.cos(angle), np.sin(angle)])
         polygons.append(np.rint(star) if on_lattice else star)
-    stack = curves_of(polygons, [4, 6, 6]).rasterise((4, 2, 3), (3, 25, 22))
+    stack = drawn(polygons, [4, 6, 6]).rasterise((4, 2, 3), (3, 25, 22))
     i, j = np.meshgrid(np.arange(2, 27), np.arange(3, 25), indexing="ij")
     grid = shapely.points(i, j)
     shapes = [shapely.Polygon(polygon) for polygon in polygons]
@@ -47,5 +38,5 @@ def test_a_disc_keeps_its_area_and_outside_parts_are_cut_off():
     half = rasterise([disc], (0, -60), (60, 121))
     i, j = np.meshgrid(np.arange(60), np.arange(-60, 61), indexing="ij")
     assert np.array_equal(half, np.hypot(i, j) < 50.3)
-    assert not curves_of([disc], [9]).rasterise((0, 0, 0), (3, 4, 4)).any()
+    assert not drawn([disc], [9]).rasterise((0, 0, 0), (3, 4, 4)).any()
     assert rasterise([], (0, 0), (2, 3)).shape == (2, 3)

@@ -48,7 +48,12 @@ def nifti(values, affine=None, name="mask.nii"):
 
 def content(name, data):
     """Writes a file of these bytes."""
-    return lambda folder: (folder / name).write_bytes(data)
+
+    def write(folder):
+        (folder / name).write_bytes(data)
+        return folder / name
+
+    return write
 
 
 def cut(name, keep):
@@ -56,7 +61,7 @@ def cut(name, keep):
 
     def write(folder):
         whole = scans.write_nifti(folder / f"full.{name}", MASK, scans.affine_of()).read_bytes()
-        (folder / name).write_bytes(whole[: keep if keep > 1 else int(keep * len(whole))])
+        return content(name, whole[: keep if keep > 1 else int(keep * len(whole))])(folder)
 
     return write
 
@@ -65,6 +70,7 @@ def a_picture(folder):
     import matplotlib.image
 
     matplotlib.image.imsave(folder / "mask.png", np.random.default_rng(0).random((9, 9, 3)))
+    return folder / "mask.png"
 
 
 def zero_spacing(folder):
@@ -72,12 +78,23 @@ def zero_spacing(folder):
     header = bytearray((folder / "mask.nii").read_bytes())
     for line in range(3):  # third column of the sform
         header[280 + 16 * line + 8 : 280 + 16 * line + 12] = bytes(4)
-    (folder / "mask.nii").write_bytes(bytes(header))
+    return content("mask.nii", header)(folder)
 
 
 def a_folder_without_masks(folder):
     (folder / "mask").mkdir()
     (folder / "mask" / "readme.txt").write_text("nothing")
+    return folder / "mask"
+
+
+def another_name(folder):
+    nifti(MASK, name="msak.nii")(folder)
+    return folder / "mask.nii"
+
+
+def no_folder(folder):
+    folder.rmdir()
+    return folder / "mask.nii"
 
 
 def changed(array, at, value):
@@ -92,75 +109,54 @@ COLOURS = np.zeros(MASK.shape, [("R", "u1"), ("G", "u1"), ("B", "u1")])
 HOLE = changed(MASK, (3, 3, 3), np.nan).astype(np.float32)
 SCAN = scans.grey(MASK > 0).astype(np.float32) + np.float32(0.25)
 TEXT = b"this is not a scan"
-#: What is written, as what the row names it, and what the line says.
+#: What is written for the row to name, and what the line says.
 VOLUMES = {
-    "percent": (nifti(PERCENT), "mask.nii", ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
+    "percent": (nifti(PERCENT), ["0 to ", "are neither labels nor probabilities", "from 0 to 1"]),
     "in micrometres": (
         nifti(MASK, scans.affine_of(spacing=(1500.0, 1200.0, 4000.0))),
-        "mask.nii",
         ["voxels 1500 x 1200 x 4000 mm", "give millimetres in the header"],
     ),
     "a surface": (
         content("mask.stl", b"solid a\nendsolid a\n"),
-        "mask.stl",
         ["a surface, not a volume", "give the mask from which it was made"],
     ),
-    "a table": (
-        content("mask.tsv", b"case\torgan\tmask\n"),
-        "mask.tsv",
-        ["a table, not a volume", "cohort sheet"],
-    ),
-    "properties of a scan": (content("mask.pkl", b""), "mask.pkl", ["give the .npz next to it"]),
-    "nothing there": (
-        nifti(MASK, name="msak.nii"),
-        "mask.nii",
-        ["there is no mask.nii", "did you mean 'msak.nii'?"],
-    ),
-    "no folder": (lambda folder: folder.rmdir(), "mask.nii", ["nor its folder"]),
-    "truncated gz": (cut("mask.nii.gz", 0.5), "mask.nii.gz", ["damaged or truncated"]),
-    "truncated": (cut("mask.nii", 5000), "mask.nii", ["mask.nii: "]),
-    "text called nii": (content("mask.nii", TEXT), "mask.nii", ["not a readable NIfTI"]),
-    "text called gz": (content("mask.nii.gz", TEXT), "mask.nii.gz", ["mask.nii.gz: "]),
-    "empty file": (content("mask.nii", b""), "mask.nii", ["mask.nii: "]),
-    "not an image": (
-        content("mask.nrrd", b"NRRD0004\ntype: banana\n"),
-        "mask.nrrd",
-        ["not a readable volume"],
-    ),
-    "a picture": (a_picture, "mask.png", ["colour"]),
-    "a spreadsheet": (content("mask.xlsx", b"PK\x03\x04 " + TEXT), "mask.xlsx", ["not a readable volume"]),
-    "four dimensions": (
-        nifti(np.stack([MASK, MASK], axis=-1)),
-        "mask.nii",
-        ["not a 3-D volume (44 x 38 x 14 x 2)"],
-    ),
-    "two dimensions": (nifti(MASK[:, :, 5]), "mask.nii", ["not a 3-D volume (44 x 38)"]),
-    "colours": (nifti(COLOURS), "mask.nii", ["colour"]),
-    "zero spacing": (zero_spacing, "mask.nii", ["no extent (1.5 x 1.2 x 0 mm)"]),
+    "a table": (content("mask.tsv", b"case\torgan\tmask\n"), ["a table, not a volume", "cohort sheet"]),
+    "properties of a scan": (content("mask.pkl", b""), ["give the .npz next to it"]),
+    "nothing there": (another_name, ["there is no mask.nii", "did you mean 'msak.nii'?"]),
+    "no folder": (no_folder, ["nor its folder"]),
+    "truncated gz": (cut("mask.nii.gz", 0.5), ["damaged or truncated"]),
+    "truncated": (cut("mask.nii", 5000), ["mask.nii: "]),
+    "text called nii": (content("mask.nii", TEXT), ["not a readable NIfTI"]),
+    "text called gz": (content("mask.nii.gz", TEXT), ["mask.nii.gz: "]),
+    "empty file": (content("mask.nii", b""), ["mask.nii: "]),
+    "not an image": (content("mask.nrrd", b"NRRD0004\ntype: banana\n"), ["not a readable volume"]),
+    "a picture": (a_picture, ["colour"]),
+    "a spreadsheet": (content("mask.xlsx", b"PK\x03\x04 " + TEXT), ["not a readable volume"]),
+    "four dimensions": (nifti(np.stack([MASK, MASK], axis=-1)), ["not a 3-D volume (44 x 38 x 14 x 2)"]),
+    "two dimensions": (nifti(MASK[:, :, 5]), ["not a 3-D volume (44 x 38)"]),
+    "colours": (nifti(COLOURS), ["colour"]),
+    "zero spacing": (zero_spacing, ["no extent (1.5 x 1.2 x 0 mm)"]),
     "an affine that is not finite": (
         nifti(MASK, changed(scans.affine_of(), (0, 3), np.nan)),
-        "mask.nii",
         ["affine is not finite"],
     ),
-    "sheared": (nifti(MASK, scans.affine_of() + SHEAR), "mask.nii", ["at right angles"]),
-    "empty mask": (nifti(MASK * 0), "mask.nii", ["the mask is empty"]),
-    "a mask that is not finite": (nifti(HOLE), "mask.nii", ["not finite"]),
-    "a scan as mask": (nifti(SCAN), "mask.nii", ["neither labels nor probabilities"]),
+    "sheared": (nifti(MASK, scans.affine_of() + SHEAR), ["at right angles"]),
+    "empty mask": (nifti(MASK * 0), ["the mask is empty"]),
+    "a mask that is not finite": (nifti(HOLE), ["not finite"]),
+    "a scan as mask": (nifti(SCAN), ["neither labels nor probabilities"]),
     "negative only": (
         nifti(-MASK.astype(np.int16)),
-        "mask.nii",
         ["the mask is empty but for negative values (down to -1)"],
     ),
-    "a folder without masks": (a_folder_without_masks, "mask", ["no masks in this folder"]),
+    "a folder without masks": (a_folder_without_masks, ["no masks in this folder"]),
 }
 
 
-@pytest.mark.parametrize(("make", "name", "parts"), VOLUMES.values(), ids=VOLUMES)
-def test_bad_mask(tmp_path, make, name, parts):
+@pytest.mark.parametrize(("make", "parts"), VOLUMES.values(), ids=VOLUMES)
+def test_bad_mask(tmp_path, make, parts):
     folder = tmp_path / "scans"
     folder.mkdir()
-    make(folder)
-    refused(folder, *parts, columns={"mask": name})
+    refused(folder, *parts, columns={"mask": make(folder).name})
 
 
 def test_absent_label_lists_those_present(tmp_path):

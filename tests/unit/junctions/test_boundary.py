@@ -6,8 +6,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import ndimage
+from support.shapes import drawn
 
-from cccd.containers import Curves, Frame, Structure
+from cccd.containers import Frame, Structure
 from cccd.errors import InputError
 from cccd.settings.junctions import BoundarySettings
 from cccd_junctions.boundary import dilation_band, edge_map, extract_boundaries, outline
@@ -72,10 +73,7 @@ def test_boundary_stacks_pass_through_and_replace_the_mask():
 
 def test_ordered_contours_are_drawn_as_closed_pixel_lines():
     square = np.array([[10.0, 10], [10, 14], [14.2, 14], [14.2, 10]])
-    contours = Curves(
-        square, np.array([0, 4]), np.array([3], np.int32), np.array([False]), Frame(np.eye(4), 2, (90, 90, 9))
-    )
-    found = extract_boundaries(replace(structure_of(), contours=contours), SETTINGS)
+    found = extract_boundaries(replace(structure_of(), contours=drawn([square], [3])), SETTINGS)
     ring = {(3, i, j) for i in range(10, 15) for j in range(10, 15) if i in (10, 14) or j in (10, 14)}
     assert pixels(found) == ring
 

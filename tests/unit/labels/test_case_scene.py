@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import slicerio
 import trimesh
 
 from cccd.containers import Frame
@@ -38,7 +39,6 @@ def organs():
 
 
 def test_slicer_gets_names_colours_and_voxels_back(organs, tmp_path):
-    slicerio = pytest.importorskip("slicerio", reason="slicerio is not installed (pip install slicerio)")
     path = tmp_path / "segmentation.seg.nrrd"
     write_segmentation(path, organs, FRAME)
     back = slicerio.read_segmentation(str(path))

@@ -95,12 +95,6 @@ def test_an_image_alone_gets_the_segmenter_s_mask():
     assert not segmented.comparison_files(named("c/ball"))  # no ground truth
 
 
-def test_a_row_that_moves_in_the_sheet_stays_the_same():
-    first, second = plan_of(MASK, MAPS), plan_of(MAPS, MASK)
-    assert first.sheet_row(named("a/ball")) == second.sheet_row(named("a/ball"))
-    assert first.cohort.row(named("a/ball")) != second.cohort.row(named("a/ball"))
-
-
 def test_the_report_waits_for_the_structures_pages_and_for_what_comparisons_drew():
     plan = plan_of(MASK, MAPS, compare=True)
     pages = ["results/a/ball/report.html", "results/b/ball/report.html"]

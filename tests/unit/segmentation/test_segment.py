@@ -10,8 +10,6 @@ import pandas as pd
 import pytest
 from support.refusals import refusal
 
-pytest.importorskip("monai")
-
 from cccd.errors import InputError
 from cccd.inputs.grid import Volume
 from cccd.inputs.nifti_export import write_nifti

@@ -1,8 +1,5 @@
 """Distances below the voxel and between slices, on bodies whose surface is known."""
 
-import hashlib
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -109,10 +106,3 @@ def test_a_slice_stays_on_its_side():
     z, values = levels_of_slices(planes, np.arange(5.0), 1.0, np.ones(2), (True, True), False)
     assert len(z) == 5
     assert np.array_equal(values < 0, planes < 0)
-
-
-def test_the_name_of_the_weights_is_theirs():
-    assert (
-        hashlib.sha256(Path(learned_distance.WEIGHTS).read_bytes()).hexdigest()
-        == learned_distance.WEIGHTS_SHA256
-    )

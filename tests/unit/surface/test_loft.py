@@ -6,10 +6,10 @@ from hypothesis.extra import numpy as hnp
 from scipy.ndimage import binary_opening, gaussian_filter
 from scipy.spatial.transform import Rotation
 from support.refusals import refusal
-from support.shapes import SETTINGS, assert_sound, ball, curves_of, grid, lofted, structure_of
+from support.shapes import SETTINGS, assert_sound, ball, curves_of, drawn, grid, lofted, structure_of
 
-from cccd.containers import Curves, Frame, Sections
-from cccd.contours import trace_contours
+from cccd.containers import Sections
+from cccd.contours import trace_mask
 from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
 from cccd_workflow.surface_measures import measure_surface
@@ -98,16 +98,7 @@ def test_the_rim_where_the_scan_cuts_an_organ_is_sharp_and_smooth():
 def test_drawn_outlines_are_not_moved_outwards():
     angle = np.linspace(0, 2 * np.pi, 200, endpoint=False)
     circle = np.column_stack([30 + 15.3 * np.cos(angle), 30 + 15.3 * np.sin(angle)])
-    frame = Frame(np.eye(4), 2, (60, 60, 22))
-    count = 22
-    curves = Curves(
-        np.tile(circle, (count, 1)),
-        np.arange(count + 1) * 200,
-        np.arange(count, dtype=np.int32),
-        np.zeros(count, bool),
-        frame,
-    )
-    surface = loft_surface(Sections(curves), SETTINGS)
+    surface = loft_surface(Sections(drawn(22 * [circle], shape=(60, 60, 22))), SETTINGS)
     assert_sound(surface)
     middle = np.abs(surface.vertices[:, 2] - 10) < 5
     radius = np.hypot(*(surface.vertices[middle, :2] - 30).T)
@@ -173,9 +164,7 @@ def test_one_slice_is_a_lens():
 
 def test_a_single_triangle_is_enough():
     points = np.array([[10.2, 10.1], [18.7, 11.3], [13.4, 19.2]])
-    frame = Frame(np.eye(4), 2, (30, 30, 9))
-    curves = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
-    assert_sound(loft_surface(Sections(curves), SETTINGS))
+    assert_sound(loft_surface(Sections(drawn([points], [4], (30, 30, 9))), SETTINGS))
 
 
 def test_what_is_lost_is_told_by_its_volume(whole_ball):
@@ -196,8 +185,7 @@ def test_what_is_lost_is_told_by_its_volume(whole_ball):
 
 def test_curves_between_the_pixels_are_an_input_error():
     points = np.array([[10.2, 10.1], [18.6, 10.2], [18.4, 10.25]])
-    frame = Frame(np.eye(4), 2, (30, 30, 9))
-    sliver = Curves(points, np.array([0, 3]), np.array([4], np.int32), np.zeros(1, bool), frame)
+    sliver = drawn([points], [4], (30, 30, 9))
     assert "centre of a pixel" in refusal(loft_surface, Sections(sliver), SETTINGS)
 
 

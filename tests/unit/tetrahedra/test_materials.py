@@ -5,6 +5,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import pyvista
 from scipy.spatial.transform import Rotation
 from support.bars import FRAME, HALF, SETTINGS, calculix, needs_calculix, two_halves
 from support.refusals import refusal
@@ -191,7 +192,6 @@ def test_pyfebio_reads_the_file(tmp_path, materials):
 
 
 def test_vtk_reads_grey_values_and_materials(tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     filled, _ = two_tissues(tmp_path)
     WRITERS["vtu"](tmp_path / "bar.vtu", filled)
     grid = pyvista.read(tmp_path / "bar.vtu")

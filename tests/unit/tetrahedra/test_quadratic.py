@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import pyvista
 from support.bars import SETTINGS, calculix, elastic, needs_calculix, two_halves
 from support.solids import sphere
 
@@ -150,7 +151,6 @@ def test_a_sphere_under_pressure_widens_as_lame_says(shell, tmp_path):
 
 
 def test_gmsh_and_vtk_read_them(shell, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     filled, _ = shell
     WRITERS["vtu"](tmp_path / "shell.vtu", filled)
     grid = pyvista.read(tmp_path / "shell.vtu")

@@ -8,6 +8,7 @@ import time
 import numpy as np
 import psutil
 import pytest
+import pyvista
 import trimesh
 from support.bars import FRAME, HALF, SETTINGS, WIDTH, calculix, elastic, needs_calculix, two_halves
 from support.refusals import refusal
@@ -215,7 +216,6 @@ def test_gmsh_reads_regions_and_boundaries(bar, tmp_path):
 
 
 def test_vtk_reads_regions_and_boundaries(bar, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     filled, report = bar
     WRITERS["vtu"](tmp_path / "bar.vtu", filled)
     grid = pyvista.read(tmp_path / "bar.vtu")

@@ -5,6 +5,7 @@ import functools
 
 import numpy as np
 import pytest
+import pyvista
 import trimesh
 from support.scans import DATA
 from support.solids import mesh_of
@@ -189,7 +190,6 @@ def test_the_table_has_a_row_for_each_branch(forked, tmp_path):
 
 
 def test_vtk_reads_the_lines_and_their_arrays(forked, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     write_centrelines(tmp_path / "tree.vtp", forked)
     lines = pyvista.read(tmp_path / "tree.vtp")
     lengths = lines.compute_cell_sizes()["Length"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+import pyvista
 import trimesh
 from support.refusals import refusal
 from support.solids import mesh_of
@@ -125,7 +126,6 @@ def areas(cut):
 
 
 def test_vtk_reads_the_groups(cut, tmp_path):
-    pyvista = pytest.importorskip("pyvista")
     write_named(tmp_path / "fork.vtp", cut, "fork")
     data = pyvista.read(tmp_path / "fork.vtp")
     names = data.field_data["group_names"]

@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
+import pyvista as pv
 
 import cccd
-
-pv = pytest.importorskip("pyvista")
-import cccd_viewers.pyvista_accessor  # noqa: E402, F401
+import cccd_viewers.pyvista_accessor  # noqa: F401
 
 SHAPE, SPACING, ORIGIN = (22, 24, 10), (1.0, 0.9, 2.0), (5.0, -3.0, 7.0)
 

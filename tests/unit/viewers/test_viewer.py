@@ -7,8 +7,8 @@ import zlib
 import numpy as np
 import pytest
 import trimesh
+from support.shapes import drawn
 
-from cccd.containers import Curves, Frame
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.subdivision import ControlMesh
 from cccd_viewers.page_files import View
@@ -37,10 +37,7 @@ def figure():
         [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1.0)]
     )
     square = np.array([(0, 0), (4, 0), (4, 4), (0, 4.0)])
-    frame = Frame(np.diag([1.0, 1, 3, 1]), 2, (9, 9, 9))
-    curves = Curves(
-        np.vstack([square, square]), np.array([0, 4, 8]), np.array([2, 5]), np.zeros(2, bool), frame
-    )
+    curves = drawn([square, square], [2, 5], (9, 9, 9), np.diag([1.0, 1, 3, 1]))
     view = View({"surface": mesh, "cubes": mesh}, values, 12, "the mask", {})
     return surface_figure(view, [ControlMesh(corners * 10, CUBE)], curves, "theirs", "distance"), mesh
 

@@ -5,6 +5,7 @@ import json
 import nibabel
 import numpy as np
 import pytest
+import pyvista
 import trimesh
 from support.refusals import refusal
 from support.solids import mesh_of
@@ -168,7 +169,6 @@ def test_missing_figures_miss_their_limits(here):
 
 
 def test_heat_maps_hold_the_distance(here):
-    pyvista = pytest.importorskip("pyvista")
     assert (
         main(["compare", "ten.ply", "nine.stl", "-o", "heat.vtp", "-o", "heat.glb", "-o", "heat.html"]) == 0
     )

@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from cccd.containers import Curves
 from cccd.contours import trace_stack
 from cccd.curves.describe import describe_curves
 from cccd.curves.fitting import fit_splines
@@ -68,11 +67,10 @@ def test_describing_curves_gives_all_parts(blob, method):
         assert np.array_equal(fitted.splines.control_points, fitted.corners)
 
 
-def test_drawn_contours_have_splines_but_no_chain_codes(frame):
+def test_drawn_contours_have_splines_but_no_chain_codes(curves_of):
     angle = np.linspace(0, 2 * np.pi, 80, endpoint=False)
     ellipse = 100 + np.column_stack([50 * np.cos(angle), 30 * np.sin(angle)])
-    curves = Curves(ellipse, np.array([0, 80]), np.array([3], np.int32), np.array([False]), frame)
-    fitted = describe_curves(curves, SETTINGS)
+    fitted = describe_curves(curves_of(ellipse, slices=[3]), SETTINGS)
     assert len(fitted.codes) == 0
     assert not fitted.report["chain_coded"]
     drawn = fitted.splines.sample(4)

@@ -4,9 +4,9 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.known_curves import bean
-from support.shapes import curves_of, structure_of
+from support.shapes import curves_of, drawn, structure_of
 
-from cccd.containers import Curves, Frame
+from cccd.containers import Frame
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import rasterise
 from cccd_paper.comparisons.chain_corners import DETECTORS
@@ -82,11 +82,4 @@ def test_a_figure_says_which_splines_cross_themselves():
     crossed = square[[0, 2, 1, 3]]
     for outline, said in ((square, False), (crossed, True)):
         line = RaggedPolygons.of([outline]).resample(np.array([160]))
-        curve = Curves(
-            line.points,
-            line.offsets,
-            np.zeros(1, np.int32),
-            np.zeros(1, bool),
-            Frame(np.eye(4), 2, (80, 80, 1)),
-        )
-        assert _outline(curve, 7).detail.endswith(", crosses itself") is said
+        assert _outline(drawn([line.points]), 7).detail.endswith(", crosses itself") is said

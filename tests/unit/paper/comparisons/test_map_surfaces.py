@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 from support import shapes
 
-from cccd.containers import Boundaries, Curves, Frame, Sections, Structure
-from cccd.contours import trace_contours
+from cccd.containers import Boundaries, Frame, Sections, Structure
+from cccd.contours import trace_mask
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface
@@ -22,14 +22,12 @@ from cccd_paper.comparisons.map_surfaces import (
     map_links,
 )
 
-FRAME = Frame(np.eye(4), 2, (60, 60, 60))
-
 
 def square():
     """A ring of 20 pixels around a square of 6 x 6, as a curve on slice 7."""
     side = [(2, j) for j in range(2, 7)] + [(i, 7) for i in range(2, 7)]
     chain = np.array([*side, *[(9 - i, 9 - j) for i, j in side]], float)
-    return Curves(chain, np.array([0, 20]), np.array([7], np.int32), np.zeros(1, bool), FRAME)
+    return shapes.drawn([chain], [7])
 
 
 def test_links_are_kept_dropped_or_bridged():

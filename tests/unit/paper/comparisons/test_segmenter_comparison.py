@@ -1,15 +1,12 @@
 """Shipped networks look at a scan once."""
 
 import numpy as np
-import pytest
+import torch
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("monai")
-
-from cccd.containers import Frame, Structure  # noqa: E402
-from cccd.inputs.grid import Volume  # noqa: E402
-from cccd_paper.comparisons.segmenters import ShippedNetworks  # noqa: E402
-from cccd_segmentation.plan import Intensity, Plan  # noqa: E402
+from cccd.containers import Frame, Structure
+from cccd.inputs.grid import Volume
+from cccd_paper.comparisons.segmenters import ShippedNetworks
+from cccd_segmentation.plan import Intensity, Plan
 
 
 class Bright(torch.nn.Module):

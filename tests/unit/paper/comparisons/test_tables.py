@@ -4,10 +4,10 @@ import numpy as np
 import pandas as pd
 import pytest
 from support.known_curves import bean
+from support.shapes import drawn
 
-from cccd.containers import Curves, Frame, Structure
-from cccd.contours import trace_contours
-from cccd.geometry.arrays import concatenate_ragged
+from cccd.containers import Frame, Structure
+from cccd.contours import trace_mask
 from cccd.geometry.raster import rasterise
 from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons import published
@@ -285,10 +285,8 @@ def test_corners_of_drawn_contours():
     rings = [
         20 + radius * np.column_stack([np.cos(turn), 0.8 * np.sin(turn)]) for radius in (12.3, 13.1, 12.7)
     ]
-    points, offsets = concatenate_ragged(rings)
-    frame = Frame(np.diag([1.0, 1.0, 3.0, 1.0]), 2, (40, 40, 3))
-    curves = Curves(points, offsets, np.arange(3, dtype=np.int32), np.zeros(3, bool), frame)
-    structure = Structure("a", "drawn", frame, np.zeros(3, int), contours=curves)
+    curves = drawn(rings, shape=(40, 40, 3), affine=np.diag([1.0, 1.0, 3.0, 1.0]))
+    structure = Structure("a", "drawn", curves.frame, np.zeros(3, int), contours=curves)
     settings = SliceChoice(n_slices=1)
     table = compare_corners(structure, curves, settings)
     ours = table[(table["method"] == CCCD) & (table["parameters"] == "automatic")]

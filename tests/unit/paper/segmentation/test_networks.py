@@ -3,17 +3,14 @@
 import itertools
 
 import pytest
+import torch
 from support.refusals import refusal
+from torch import nn
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("monai")
-
-from torch import nn  # noqa: E402
-
-from cccd_paper.segmentation.hdenseunet import LAYERS_2D, DenseEncoder  # noqa: E402
-from cccd_paper.segmentation.polar_unet import PolarUNet, UNet  # noqa: E402
-from cccd_segmentation.networks import build, networks, parameters  # noqa: E402
-from cccd_segmentation.plain_unet import PlainUNet  # noqa: E402
+from cccd_paper.segmentation.hdenseunet import LAYERS_2D, DenseEncoder
+from cccd_paper.segmentation.polar_unet import PolarUNet, UNet
+from cccd_segmentation.networks import build, networks, parameters
+from cccd_segmentation.plain_unet import PlainUNet
 
 
 def published(make):

@@ -6,22 +6,20 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import torch
 from support.refusals import refusal
 
-torch = pytest.importorskip("torch")
-pytest.importorskip("monai")
-
-from cccd.errors import InputError  # noqa: E402
-from cccd.inputs.grid import Volume  # noqa: E402
-from cccd.inputs.readers import read_volume  # noqa: E402
-from cccd_segmentation.grids import WorkingGrid  # noqa: E402
-from cccd_segmentation.inference import labels_of, probabilities  # noqa: E402
-from cccd_segmentation.model import load_segmenter, save_segmenter  # noqa: E402
-from cccd_segmentation.networks import NETWORKS, Network  # noqa: E402
-from cccd_segmentation.segment import segment, write_segmentation  # noqa: E402
-from cccd_segmentation.settings import SegmentationSettings  # noqa: E402
-from cccd_training.segmentation.examples import LabelledScan, make_plan, split_patients  # noqa: E402
-from cccd_training.segmentation.training import score_held_out, train_segmenter  # noqa: E402
+from cccd.errors import InputError
+from cccd.inputs.grid import Volume
+from cccd.inputs.readers import read_volume
+from cccd_segmentation.grids import WorkingGrid
+from cccd_segmentation.inference import labels_of, probabilities
+from cccd_segmentation.model import load_segmenter, save_segmenter
+from cccd_segmentation.networks import NETWORKS, Network
+from cccd_segmentation.segment import segment, write_segmentation
+from cccd_segmentation.settings import SegmentationSettings
+from cccd_training.segmentation.examples import LabelledScan, make_plan, split_patients
+from cccd_training.segmentation.training import score_held_out, train_segmenter
 
 SETTINGS = SegmentationSettings(
     epochs=12, width=8, patch=(32, 32, 32), precision="float32", learning_rate=0.01
