@@ -8,16 +8,16 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 15042,
+    "scripts/cccd": 14458,
     "scripts/cccd_calibration": 1212,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
     "scripts/cccd_formats": 399,
     "scripts/cccd_junctions": 3921,
-    "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 1137,
+    "scripts/cccd_labels": 3184,
+    "scripts/cccd_meshes": 1136,
     "scripts/cccd_networks": 471,
-    "scripts/cccd_paper": 9213,
+    "scripts/cccd_paper": 9207,
     "scripts/cccd_segmentation": 1669,
     "scripts/cccd_shapes": 1465,
     "scripts/cccd_solids": 1928,
