@@ -79,6 +79,8 @@ SAME_HEIGHT = 1e-6
 EVENNESS = 1e-3
 #: A pair is a quad where its triangles' normals agree (1 - cosine), and no corner is straight (cosine).
 MOST_BENT, MOST_ALIGNED = 0.6, 0.97
+#: Rounds in which triangles without a partner look for one by changing one pair; few are left after these.
+PAIRING_ROUNDS = 5
 
 
 def control_mesh(
@@ -225,8 +227,10 @@ def join_in_pairs(mesh: Mesh) -> tuple[IntArray, IntArray]:
     )
     cost = _cost_of_quads(vertices[quads])
     good = np.flatnonzero(np.isfinite(cost))
+    beside = np.full((len(faces), 3), -1)
+    beside[f[good], i[good]], beside[g[good], j[good]] = g[good], f[good]
     best = good[np.argsort(cost[good], kind="stable")]
-    partner = _pair(np.column_stack([f, g])[best], len(faces))
+    partner = _pair(np.column_stack([f, g])[best], beside)
     chosen = good[partner[f[good]] == g[good]]
     # two triangles may share more than one edge: one pair, one quad
     _, once = np.unique(f[chosen] * len(faces) + g[chosen], return_index=True)
@@ -248,13 +252,34 @@ def _cost_of_quads(corners: FloatArray) -> FloatArray:
     return np.where(good, aligned + bent, np.inf)
 
 
-def _pair(pairs: IntArray, count: int) -> IntArray:
-    """Partner (F,) of each of ``count`` triangles, or -1; ``pairs`` (K, 2) may be joined, the best first."""
-    partner = [-1] * count
+def _pair(pairs: IntArray, beside: IntArray) -> IntArray:
+    """Partner (F,) of each triangle, or -1: greedily, then by changing one pair to make two.
+
+    ``pairs`` (K, 2) may be joined, the best first; ``beside`` (F, 3) are the triangles across a triangle's
+    edges that it may be joined with, or -1.
+    """
+    partner, around = [-1] * len(beside), beside.tolist()
     for x, y in pairs.tolist():  # of a coarse mesh: an array's rounds take longer
         if x != y and partner[x] < 0 and partner[y] < 0:
             partner[x], partner[y] = y, x
+    for _ in range(PAIRING_ROUNDS):
+        alone = [x for x, other in enumerate(partner) if other < 0]
+        if not sum([_pair_by_changing(x, partner, around) for x in alone]):
+            break
     return np.array(partner, np.int64)
+
+
+def _pair_by_changing(x: int, partner: list[int], beside: list[list[int]]) -> bool:
+    """Give a triangle that is alone a neighbour whose partner finds another one."""
+    if partner[x] >= 0:
+        return False
+    for y in beside[x]:
+        z = partner[y] if y >= 0 else -1
+        for w in beside[z] if z >= 0 else []:
+            if w >= 0 and w not in (x, y, z) and partner[w] < 0:
+                partner[x], partner[y], partner[z], partner[w] = y, x, w, z
+                return True
+    return False
 
 
 def split_to_quads(

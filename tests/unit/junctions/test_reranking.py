@@ -8,8 +8,7 @@ from cccd_junctions.alternatives import FEATURES, SMALLEST_PX, alternatives, des
 from cccd_junctions.checkpoint import load_model
 from cccd_junctions.delaunay import build_graph
 from cccd_junctions.energy import energy_weights, inference_energy, least_energy
-from cccd_junctions.inference import SLICES_PER_BATCH, read_slices
-from cccd_junctions.observation import observe
+from cccd_junctions.inference import read_slices
 from cccd_junctions.reranking import Reranker, shipped_reranker
 from cccd_junctions.stacks import label_slices
 from cccd_training.junctions.reranker import Example, draw_examples, train_reranker

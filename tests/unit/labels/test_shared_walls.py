@@ -8,17 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 from manifold3d import Manifold, Mesh64
 from nibabel.loadsave import load
-from support import ROOT
+from support import ROOT, shapes, solids
 
 from cccd import reconstruct
 from cccd.containers import Frame, Structure
 from cccd.geometry.distance import unsigned_to_mesh
 from cccd.geometry.mesh import Mesh
 from cccd.geometry.raster import voxelise
+from cccd.inputs import structure_of_array
+from cccd.settings.imports import ImportSettings
 from cccd.settings.surface import LoftSettings
 from cccd_labels.label_fields import LabelFields, level_blocks
 from cccd_labels.shared_walls import share_walls
 from cccd_labels.surface_nets import surface_nets, well_composed
+from cccd_labels.voxels import check_walls
 from cccd_labels.wall_decimation import simplified
 
 REAL = ROOT.parent / "shared" / "data" / "dicom_totalseg_liver20" / "labels.nii.gz"
@@ -341,3 +344,15 @@ def test_where_a_wall_would_tear_only_what_is_beside_keeps_more():
     fewer = simplified(net, 0.1)
     assert len(fewer.triangles) < 0.2 * len(net.triangles)
     assert fewer.mesh_of(1).is_closed_manifold
+
+
+def test_shared_walls_are_checked_by_the_organ_s_voxels():
+    structure = structure_of_array(shapes.ball(), np.eye(4), ImportSettings())
+    mesh = solids.sphere(20.0, (30.0, 30.0, 30.0))
+    assert check_walls(mesh, structure) == []
+    vertices = mesh.vertices.copy()
+    vertices[0] += 20 * mesh.vertex_normals[0]  # a needle
+    (line,) = check_walls(Mesh(vertices, mesh.faces), structure)
+    place = [float(number) for number in line[line.rindex("(") + 1 : line.rindex(")")].split(",")]
+    assert "from the organ's voxels" in line
+    assert np.abs(place - vertices[0]).max() <= 0.05
