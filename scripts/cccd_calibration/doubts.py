@@ -10,7 +10,7 @@ when the other kinds decide.
 from __future__ import annotations
 
 import argparse
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import cast
 
@@ -49,8 +49,8 @@ NOISE, MARGIN_PX = (0.02, 0.2), 24
 SHIPPED = Path(__file__).parents[2] / "workflow" / "models" / "junctions.pt"
 
 
-class Doubts(dict[str, tuple[FloatArray, BoolArray]]):
-    """Doubts (M,) of a kind's slices and whether they are wrong (M,), by the kind's name."""
+#: Doubts (M,) of a kind's slices and whether they are wrong (M,), by the kind's name.
+Doubts = dict[str, tuple[FloatArray, BoolArray]]
 
 
 def wrong_unlisted(doubt: FloatArray, wrong: BoolArray) -> FloatArray:
@@ -70,7 +70,7 @@ def wrong_unlisted(doubt: FloatArray, wrong: BoolArray) -> FloatArray:
     return np.maximum.accumulate(wrong_below / np.maximum(below, LEAST_UNLISTED))
 
 
-def levels_of_shares(doubts: Mapping[str, tuple[FloatArray, BoolArray]]) -> dict[float, float]:
+def levels_of_shares(doubts: Doubts) -> dict[float, float]:
     """Find the highest of `LEVELS` for each of `SHARES` that the kinds guarantee."""
     # the strictest level comes last among LEVELS and first here: a lower level lists more, and misses less
     right = np.array([1 - wrong_unlisted(*found)[::-1] for found in doubts.values()])
@@ -183,7 +183,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     model = cast(Predictor, load_model(SHIPPED))
 
     def measured(kinds: Sequence[str], stream: int) -> Doubts:
-        found = Doubts()
+        found: Doubts = {}
         for number, kind in enumerate(tqdm(kinds, "kinds")):
             rng = np.random.default_rng([asked.seed, stream, number])
             found[kind] = measure_doubts(_maps(kind, asked.maps, rng), model)

@@ -69,16 +69,16 @@ def make_data(graph: DelaunayGraph, intensity: IntensitySlice | None) -> HeteroD
     features = measure_features(graph, intensity)
     data = SliceData()
     data["pixel"].x = torch.as_tensor(features.nodes)
-    data["link"].x = _real(features.links)
-    data["link"].direction = _real(_link_directions(graph))
-    data["triangle"].x = _real(features.triangles)
-    data["triangle"].intensity = _real(features.triangles[:, INTENSITIES])
-    data["triangle"].extent = _real(np.where(graph.outer, 0, graph.areas))
+    data["link"].x = real_tensor(features.links)
+    data["link"].direction = real_tensor(_link_directions(graph))
+    data["triangle"].x = real_tensor(features.triangles)
+    data["triangle"].intensity = real_tensor(features.triangles[:, INTENSITIES])
+    data["triangle"].extent = real_tensor(np.where(graph.outer, 0, graph.areas))
     data[PIXEL_LINKS].edge_index = _index(graph.links.T)
     data[TRIANGLE_LINKS].edge_index = _index(graph.link_triangles.T)
     owners = np.arange(len(graph.triangles)).repeat(3)
     data[CORNERS].edge_index = _index(np.stack([graph.triangles.ravel(), owners]))
-    data[CORNERS].edge_attr = _real(_corner_directions(graph))
+    data[CORNERS].edge_attr = real_tensor(_corner_directions(graph))
     data["triangle"].pool_index = _index(graph.regions[:, _POOLED_SCALES].T)
     data["link"].pool_index = _index(_link_pools(graph, features))
     return data
@@ -88,7 +88,8 @@ def _index(array: AnyArray) -> Tensor:
     return torch.as_tensor(np.ascontiguousarray(array, np.int64))
 
 
-def _real(array: AnyArray) -> Tensor:
+def real_tensor(array: AnyArray) -> Tensor:
+    """Float32 of an array."""
     return torch.as_tensor(np.ascontiguousarray(array, np.float32))
 
 

@@ -9,8 +9,7 @@ from typing import Any, Self
 import torch
 from torch import Tensor, nn
 
-# Share of the steps in which the learning rate rises (Smith and Topin 2019): short runs need their falling
-# part.
+# Share of the steps in which the learning rate rises (Smith and Topin 2019): short runs need the fall.
 _RISING = 0.1
 
 

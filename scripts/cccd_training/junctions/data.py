@@ -6,14 +6,13 @@ from collections.abc import Sequence
 
 import numpy as np
 import torch
-from torch import Tensor
 from torch.utils.data import Dataset
 from torch_geometric.data import HeteroData
 
 from cccd.geometry.arrays import AnyArray, IntArray
 from cccd_junctions.delaunay import DelaunayGraph
 from cccd_junctions.energy import energy_weights
-from cccd_junctions.graph_data import make_data
+from cccd_junctions.graph_data import make_data, real_tensor
 from cccd_junctions.observation import observe
 from cccd_training.junctions.labels import inside_shares, link_labels
 from cccd_training.junctions.synthetic_maps import (
@@ -52,12 +51,12 @@ def label_map(drawn: SyntheticMap, hide_image: bool) -> HeteroData:
     weights = energy_weights(graph)
     data = make_data(graph, seen.intensity)
     data.graph = graph
-    data["triangle"].y = _real(inside)
-    data["triangle"].weight = _real(_triangle_weights(graph))
-    data["triangle"].energy_weight = _real(weights.unary)
-    data["link"].y = _real(link_labels(graph, inside))
+    data["triangle"].y = real_tensor(inside)
+    data["triangle"].weight = real_tensor(_triangle_weights(graph))
+    data["triangle"].energy_weight = real_tensor(weights.unary)
+    data["link"].y = real_tensor(link_labels(graph, inside))
     data["link"].weight = torch.full((len(graph.links),), 1 / len(graph.links))
-    data["link"].energy_weight = _real(weights.pairwise)
+    data["link"].energy_weight = real_tensor(weights.pairwise)
     return data
 
 
@@ -66,10 +65,6 @@ def _triangle_weights(graph: DelaunayGraph) -> AnyArray:
     extent = np.clip(np.sqrt(graph.areas), *_EXTENT_PX)
     weight = np.where(graph.outer, 0, extent)
     return weight / weight.sum()
-
-
-def _real(array: AnyArray) -> Tensor:
-    return torch.as_tensor(np.asarray(array, np.float32))
 
 
 class FrozenMaps:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, cast
 
 import cv2
 import numpy as np
 
 from cccd.containers import Frame
 from cccd.geometry.arrays import AnyArray, BoolArray, ByteArray, FloatArray, IntArray
+from cccd.geometry.opencv import borders_of
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.geometry.raster import dice
 from cccd_junctions.decoding import closed_chains, fill_inside
 from cccd_junctions.delaunay import DelaunayGraph
+from cccd_training.junctions.labels import fill_contours
 
 #: A slice is correct when its curves agree with the true ones at least so well.
 CORRECT_DICE = 0.98
@@ -34,13 +35,9 @@ class SliceScore:
     holes: int
 
 
-def _draw(chains: Sequence[AnyArray], low: AnyArray, shape: AnyArray, filled: bool) -> ByteArray:
+def _draw(chains: Sequence[AnyArray], low: AnyArray, shape: AnyArray) -> ByteArray:
     canvas = np.zeros(shape, np.uint8)
-    polygons = [np.rint(chain - low)[:, ::-1].astype(np.int32) for chain in chains]
-    if filled:
-        cv2.fillPoly(canvas, polygons, 1)
-    else:
-        cv2.polylines(canvas, polygons, True, 1)
+    cv2.polylines(canvas, [(chain - low)[:, ::-1].astype(np.int32) for chain in chains], True, 1)
     return canvas
 
 
@@ -51,7 +48,7 @@ def hausdorff(chains: Sequence[AnyArray], others: Sequence[AnyArray]) -> float:
     points = np.concatenate([*chains, *others])
     low = np.floor(points.min(axis=0)).astype(np.int64)
     shape = np.ceil(points.max(axis=0)).astype(np.int64) - low + 1
-    drawn = [_draw(part, low, shape, False) for part in (chains, others)]
+    drawn = [_draw(part, low, shape) for part in (chains, others)]
     away = [cv2.distanceTransform(1 - canvas, cv2.DIST_L2, cv2.DIST_MASK_PRECISE) for canvas in drawn]
     return float(max(away[0][drawn[1] > 0].max(), away[1][drawn[0] > 0].max()))
 
@@ -66,7 +63,7 @@ def score_slice(chains: Sequence[AnyArray], truth: Sequence[AnyArray]) -> SliceS
     everything = [*chains, *truth]
     low = np.floor(np.concatenate(everything).min(axis=0)).astype(np.int64)
     shape = np.ceil(np.concatenate(everything).max(axis=0)).astype(np.int64) - low + 1
-    drawn, true = (_draw(part, low, shape, True) > 0 for part in (chains, truth))
+    drawn, true = (fill_contours([c - low for c in part], shape) > 0 for part in (chains, truth))
     area = RaggedPolygons.of([np.asarray(chain, float) for chain in chains]).signed_areas
     parts, holes = _counts(drawn)
     true_parts, true_holes = _counts(true)
@@ -92,8 +89,5 @@ def chains_around(mask: BoolArray, origin: IntArray, parts: int | None = None) -
 
 def _counts(mask: BoolArray) -> tuple[int, int]:
     """Components (8-connected) and holes (4-connected) of a mask."""
-    _, hierarchy = cast(Any, cv2).findContours(mask.astype(np.uint8), cv2.RETR_CCOMP, cv2.CHAIN_APPROX_NONE)
-    if hierarchy is None:
-        return 0, 0
-    is_hole: BoolArray = hierarchy[0, :, 3] >= 0
-    return int(np.count_nonzero(~is_hole)), int(np.count_nonzero(is_hole))
+    hole = borders_of(mask)[1]
+    return int(np.count_nonzero(~hole)), int(np.count_nonzero(hole))

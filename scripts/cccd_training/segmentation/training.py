@@ -8,7 +8,7 @@ import logging
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, Protocol, cast
+from typing import Any, NamedTuple, Protocol, cast
 
 import numpy as np
 import pandas as pd
@@ -54,11 +54,12 @@ class Supervised(Protocol):
         ...
 
 
-class Trained:
+class Trained(NamedTuple):
     """A trained network, its plan, and the table of its epochs."""
 
-    def __init__(self, model: nn.Module, plan: Plan, history: pd.DataFrame) -> None:
-        self.model, self.plan, self.history = model, plan, history
+    model: nn.Module
+    plan: Plan
+    history: pd.DataFrame
 
 
 def train_segmenter(
