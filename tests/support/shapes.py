@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from cccd.containers import Curves, Frame, Sections, Structure
+from cccd.contours import trace_contours
 from cccd.geometry.polygons import RaggedPolygons
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface

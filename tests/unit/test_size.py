@@ -5,27 +5,27 @@ from support import ROOT
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 14403,
-    "scripts/cccd_calibration": 1212,
+    "scripts/cccd": 14181,
+    "scripts/cccd_calibration": 1208,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1639,
     "scripts/cccd_formats": 399,
-    "scripts/cccd_junctions": 3913,
-    "scripts/cccd_labels": 3032,
-    "scripts/cccd_meshes": 1103,
+    "scripts/cccd_junctions": 3388,
+    "scripts/cccd_labels": 3184,
+    "scripts/cccd_meshes": 1102,
     "scripts/cccd_networks": 471,
-    "scripts/cccd_paper": 9215,
+    "scripts/cccd_paper": 9090,
     "scripts/cccd_segmentation": 1669,
     "scripts/cccd_shapes": 1465,
     "scripts/cccd_solids": 1893,
     "scripts/cccd_tetrahedra": 1489,
-    "scripts/cccd_training": 3153,
+    "scripts/cccd_training": 3157,
     "scripts/cccd_vessels": 1869,
     "scripts/cccd_viewers": 771,
     "scripts/cccd_walls": 809,
     "scripts/cccd_workflow": 6406,
-    "bench": 4698,
-    "tests": 23427,
+    "bench": 4692,
+    "tests": 23409,
 }
 
 

@@ -9,6 +9,7 @@ from support.refusals import refusal
 from support.shapes import SETTINGS, assert_sound, ball, curves_of, drawn, grid, lofted, structure_of
 
 from cccd.containers import Sections
+from cccd.contours import trace_contours
 from cccd.geometry.raster import dice, voxelise
 from cccd.surface.loft import loft_surface
 from cccd_workflow.surface_measures import measure_surface

@@ -6,6 +6,7 @@ import numpy as np
 from support import shapes
 
 from cccd.containers import Boundaries, Frame, Sections, Structure
+from cccd.contours import trace_contours
 from cccd.settings.junctions import BoundarySettings
 from cccd.settings.surface import LoftSettings
 from cccd.surface.loft import loft_surface

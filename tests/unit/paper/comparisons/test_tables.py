@@ -7,6 +7,7 @@ from support.known_curves import bean
 from support.shapes import drawn
 
 from cccd.containers import Frame, Structure
+from cccd.contours import trace_contours
 from cccd.geometry.raster import rasterise
 from cccd_junctions.ordering import order_boundaries
 from cccd_paper.comparisons import published
