@@ -20,7 +20,7 @@ from cccd_junctions.energy import Energy, EnergyWeights, Logits, least_energies
 SHIFTS = (1.0, 3.0, 9.0)
 #: Smaller zones are not weighed, and of the others at most so many, those that cost least.
 SMALLEST_PX, MOST_ZONES = 4.0, 24
-#: Costs are told of the largest so many.
+#: How many of the largest regions have their costs described.
 _MOST_COUNTED = 100
 #: Logits count up to these.
 _MOST_LOGIT = 8.0

@@ -132,8 +132,8 @@ def predict_slices(
     if isinstance(predictor, LoopPredictor):
         return Prediction(*_filled(predictor.find_loops(maps)), None)
     read, labelled = _read_and_labelled(maps, predictor, images, numbers, parts, regions, pixel_mm)
-    told = [one.uncertainty for one in labelled if one.uncertainty is not None]
-    uncertainty = np.array(told) if predictor is not None and len(told) == len(labelled) else None
+    known = [one.uncertainty for one in labelled if one.uncertainty is not None]
+    uncertainty = np.array(known) if predictor is not None and len(known) == len(labelled) else None
     masks, origin = _filled(_border_loops(read, labelled))
     if regions is not None and predictor is not None:
         masks = without_lone_parts(masks, origin, regions, numbers, pixel_mm)
@@ -161,7 +161,7 @@ def _read_and_labelled(
 ) -> tuple[list[ReadSlice], list[Labelled]]:
     """Read slices, and label the triangles of each, its neighbours considered.
 
-    What the prior says is taken as the cut has it: alternatives are told by a network's logits.
+    What the prior says is taken as the cut has it: alternatives are scored by a network's logits.
     """
     shown = [None] * len(maps) if predictor is None else images
     read = read_slices(maps, shown, predictor or PRIOR)

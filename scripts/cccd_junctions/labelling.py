@@ -61,7 +61,7 @@ def label_slice(
     evidence : (T,) float64, optional
         Nats for inside from elsewhere, as from neighbouring slices.
     rerank : bool
-        Whether alternatives of the least cut are weighed as a whole, and what they say of errors is told.
+        Whether alternatives of the least cut are weighed as a whole, and what they say of errors is reported.
         Half of the wrong maps have a right alternative, and half of these are found by it.
     """
     outline = find_outline(graph) if outline is None else outline

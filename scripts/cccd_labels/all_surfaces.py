@@ -42,7 +42,7 @@ def make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], settin
         whole = without_written(whole, outputs)
     if note := whole.check_memory(given.cores):
         print(f"{note} ...", file=sys.stderr)
-    voxels, told = whole.voxels, 0
+    voxels, reported = whole.voxels, 0
     made: dict[int, dict[str, Any]] = {}
     found: dict[int, LabelSurface] = {}
     lines = OrganLines(voxels)
@@ -65,10 +65,10 @@ def make_all_surfaces(given: argparse.Namespace, outputs: Sequence[Path], settin
                 found[one.number] = one
             made[one.number] = describe_surface(one.surface, files, one.seconds)
             with tqdm.external_write_mode():
-                told = _fail_each(whole.failures, told)
+                reported = _fail_each(whole.failures, reported)
                 if not given.json:
                     print(_line_of(made[one.number]), flush=True)
-    _fail_each(whole.failures, told)
+    _fail_each(whole.failures, reported)
     ordered = [found[number] for number in sorted(found)]
     files = [str(file) for path in scenes for file in _write_scene(path, ordered, given.band)]
     if given.json:
@@ -125,9 +125,9 @@ def _print_table(made: Sequence[Mapping[str, Any]]) -> None:
         print(f"warning: {line}")
 
 
-def _fail_each(failures: Sequence[str], told: int) -> int:
-    """Report the failures that were not told yet; how many there are now."""
-    new = failures[told:]
+def _fail_each(failures: Sequence[str], reported: int) -> int:
+    """Report the failures that were not reported yet; how many there are now."""
+    new = failures[reported:]
     why = {label: [reason] for label, _, reason in (line.partition(": ") for line in new)}
     for line in joined_warnings(why) if len(new) > 1 else new:
         print_error(line)

@@ -2,7 +2,7 @@
 
 The grid has the slices' pixels, on the slices and on levels about a pixel apart between them. Each label is
 interpolated in its own box, as if it stood alone; large ones slab by slab. Where any label ends and nothing
-begins is told by all labels together, so that no notch opens where a wall between two of them comes out.
+begins is decided by all labels together, so that no notch opens where a wall between two of them comes out.
 """
 
 from __future__ import annotations

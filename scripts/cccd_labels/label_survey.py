@@ -121,9 +121,9 @@ def survey_labels(
         Not readable, no labels, or none that could be drawn.
     """
     measured = measure_labels(path, table)
-    told = [label for label, _ in measured]
-    if len(told) == 1:
-        return read(path, image=image, annotated=annotated), told, None
+    labels = [label for label, _ in measured]
+    if len(labels) == 1:
+        return read(path, image=image, annotated=annotated), labels, None
     there = [(label, part, rank) for rank, (label, part) in enumerate(measured, 1) if part is not None]
     every = ",".join(label.label for label, _, _ in there)
     structure = read(path, every, image=image, annotated=annotated)
@@ -131,8 +131,8 @@ def survey_labels(
     ranks = np.zeros(structure.voxels.shape, np.int32)
     for _, part, rank in sorted(there, key=lambda found: -(found[0].volume_ml or 0)):
         _paint(ranks, structure.affine, part, rank)
-    drawn = DrawnLabels(ranks, [label.colour for label in told], [label.caption for label in told])
-    return structure, told, drawn
+    drawn = DrawnLabels(ranks, [label.colour for label in labels], [label.caption for label in labels])
+    return structure, labels, drawn
 
 
 def _paint(ranks: AnyArray, affine: FloatArray, part: Volume, rank: int) -> None:

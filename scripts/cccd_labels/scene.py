@@ -50,10 +50,10 @@ def name_organs(meshes: Mapping[str, Mesh], labels: Mapping[str, Mapping[str, st
     own = len(set(given)) == len(given) and all(label.isdecimal() for label in given)
     named: list[SceneOrgan] = []
     for number, (organ, mesh) in enumerate(meshes.items(), 1):
-        told = labels.get(organ, {})
-        colour = told.get("colour") or colour_of(number)
+        row = labels.get(organ, {})
+        colour = row.get("colour") or colour_of(number)
         label = int(given[number - 1]) if own else number
-        named.append(SceneOrgan(organ, told.get("name") or organ, label, colour, told.get("code", ""), mesh))
+        named.append(SceneOrgan(organ, row.get("name") or organ, label, colour, row.get("code", ""), mesh))
     return named
 
 

@@ -171,9 +171,9 @@ def _model_folder(model: str) -> Path:
 def _labels_of_dataset(listing: Path, organ: str) -> list[int]:
     """Label values of an organ in a model's ``dataset.json``."""
     try:
-        told = json.loads(listing.read_text(encoding="utf-8"))
-        labels = {str(name).lower(): np.atleast_1d(value).tolist() for name, value in told["labels"].items()}
-        channels = len(told.get("channel_names", [0]))
+        plan = json.loads(listing.read_text(encoding="utf-8"))
+        labels = {str(name).lower(): np.atleast_1d(value).tolist() for name, value in plan["labels"].items()}
+        channels = len(plan.get("channel_names", [0]))
     except (ValueError, KeyError, AttributeError, TypeError) as error:
         raise InputError(str(listing), f"no list of labels ({type(error).__name__})", "restore it") from None
     if channels > 1:

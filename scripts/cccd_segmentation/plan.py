@@ -16,7 +16,7 @@ from cccd.inputs.grid import Volume, find_slice_axis
 #: Air in HU, or nearly: grey values that no MR image has.
 _AIR_HU = -300.0
 
-#: Relative difference of spacings above which a scan is told to be unlike those of the training.
+#: Relative difference of spacings above which a scan is reported as unlike those of the training.
 _UNLIKE = 0.5
 
 #: Percentiles of grey values by which a scan is compared with those of the training.
@@ -196,7 +196,7 @@ def make_intensity(images: Sequence[AnyArray], organs: Sequence[AnyArray]) -> In
         return Intensity("MR")
     inside = np.concatenate([image[organ > 0] for image, organ in zip(images, organs, strict=True)])
     low, high = np.percentile(inside, [0.5, 99.5])
-    # the organ's surroundings count as well: they are what it is told from
+    # the organ's surroundings count as well: they are what it is distinguished from
     low, high = float(low - 2 * (high - low)), float(high + 2 * (high - low))
     low, high = max(low, float(inside.mean()) - 400.0), min(high, float(inside.mean()) + 400.0)
     return Intensity("CT", low, high, float(inside.mean()), max(float(inside.std()), (high - low) / 6))

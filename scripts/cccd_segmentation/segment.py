@@ -49,7 +49,7 @@ class Segmentation:
 
 
 def find_segmenter(name: str) -> tuple[str, str]:
-    """Find what ``cccd segment`` is told to use: its weights' file or its name, and the organ that it knows.
+    """Find what ``cccd segment`` shall use: its weights' file or its name, and the organ that it knows.
 
     Raises
     ------

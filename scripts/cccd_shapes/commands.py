@@ -51,8 +51,8 @@ def _shapes(given: argparse.Namespace) -> int:
     elif given.period is not None:
         raise InputError("--period", "it is of a series", "give the sheet a column time")
     check_writable(folder / "subjects.csv")
-    told = tqdm(rows, "surfaces", leave=False, disable=None)
-    subjects = [read_subject(row, folder / "surfaces", given.tolerance) for row in told]
+    shown = tqdm(rows, "surfaces", leave=False, disable=None)
+    subjects = [read_subject(row, folder / "surfaces", given.tolerance) for row in shown]
     cohort = fit_cohort(subjects, folder, given.points, given.processes)
     made = describe(cohort, folder, given.without_size, given.permutations, given.period)
     if given.json:

@@ -96,8 +96,8 @@ def write_model(folder: Path, cohort: Cohort, model: ShapeModel, made: Mapping[s
             _write_spline(folder / "modes" / name, shape, frame)
             if crossing := len(shape.tessellate().self_intersections()):
                 warnings.append(f"{name} passes through itself at {crossing} places")
-    told = {**made, "warnings": [*made["warnings"], *warnings]}
-    _write_page(folder / "modes.html", spline.moved(model.mean), model, shown, told)
+    facts = {**made, "warnings": [*made["warnings"], *warnings]}
+    _write_page(folder / "modes.html", spline.moved(model.mean), model, shown, facts)
     return warnings
 
 

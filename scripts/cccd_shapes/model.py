@@ -61,8 +61,8 @@ def describe(
         files.write_groups(folder / "groups.vtp", mean, test)
         made |= {"p": test.p, "modes_tested": test.modes, "p_points_least": float(test.p_points.min())}
     elif any(counts):
-        told = ", ".join(f"{name or 'no group'}: {count}" for name, count in counts.items())
-        made["warnings"].append(f"groups are not compared ({told}): it takes two, each of {FEWEST} that fit")
+        sizes = ", ".join(f"{name or 'no group'}: {count}" for name, count in counts.items())
+        made["warnings"].append(f"groups are not compared ({sizes}): it takes two, each of {FEWEST} that fit")
     made["warnings"] += files.write_model(folder, cohort, model, made)
     write_json(folder / "summary.json", made)
     return made
@@ -71,5 +71,5 @@ def describe(
 def _doubts(cohort: Cohort) -> list[str]:
     """Return what was mended, and who does not fit."""
     found = joined_warnings({subject.name: subject.notes for subject in cohort.subjects}, "subjects")
-    told = zip(cohort.subjects, cohort.problems, strict=True)
-    return found + [f"{subject.name} does not fit: {problem}" for subject, problem in told if problem]
+    fits = zip(cohort.subjects, cohort.problems, strict=True)
+    return found + [f"{subject.name} does not fit: {problem}" for subject, problem in fits if problem]

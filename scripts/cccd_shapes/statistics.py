@@ -127,9 +127,9 @@ def _left_out(place: FloatArray, n: int, most: int) -> FloatArray:
     _, sizes, ways = np.linalg.svd(others - middle, full_matrices=False)
     ways = ways[sizes**2 > NOTHING * sizes[0] ** 2][:most]
     off = place[n] - middle
-    told = np.zeros(most)
-    told[: len(ways)] = (ways @ off) ** 2  # fewer ways than modes: the last are of no help
-    return np.sqrt(np.maximum(off @ off - np.cumsum(told), 0))
+    explained = np.zeros(most)
+    explained[: len(ways)] = (ways @ off) ** 2  # fewer ways than modes: the last are of no help
+    return np.sqrt(np.maximum(off @ off - np.cumsum(explained), 0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -188,7 +188,7 @@ def fill_organs(
     turned = signed_volumes(vertices[tetrahedra]) < 0
     tetrahedra[turned] = tetrahedra[turned][:, (0, 2, 1, 3)]
     inside = _inside(vertices[tetrahedra].mean(axis=1), organs)
-    regions = _least(inside, organs)
+    regions = _smallest_containing(inside, organs)
     missing = [name for n, name in enumerate(organs) if not np.any(regions == n)]
     if missing:
         raise InputError(
@@ -271,7 +271,7 @@ def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple
 
     edge, tolerance = sizes_in_mm(organs, settings)
     joined = Mesh.joined(list(organs.values()))
-    vertices, faces = _once(joined.vertices, joined.faces)
+    vertices, faces = _deduplicated(joined.vertices, joined.faces)
     diagonal = float(np.linalg.norm(np.ptp(vertices, axis=0)))
     points, tetrahedra = call(
         cast(Any, pytetwild).tetrahedralize,
@@ -287,7 +287,7 @@ def _fill_box(organs: Mapping[str, Mesh], settings: TetrahedraSettings) -> tuple
     return np.asarray(points, float), np.asarray(tetrahedra, np.int64)
 
 
-def _once(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
+def _deduplicated(vertices: FloatArray, faces: IntArray) -> tuple[FloatArray, IntArray]:
     """Leave one of points, and of triangles, that are there twice, as a shared wall is."""
     points, inverse = np.unique(vertices, axis=0, return_inverse=True)
     faces = inverse.reshape(-1)[faces]
@@ -305,7 +305,7 @@ def _inside(points: FloatArray, organs: Mapping[str, Mesh]) -> BoolArray:
     return found
 
 
-def _least(inside: BoolArray, organs: Mapping[str, Mesh]) -> IntArray:
+def _smallest_containing(inside: BoolArray, organs: Mapping[str, Mesh]) -> IntArray:
     """Choose of the organs (P, R) that hold a point the one of least volume (P,), or -1."""
     volumes = np.array([mesh.volume for mesh in organs.values()])
     chosen = np.where(inside, volumes, np.inf).argmin(axis=1)

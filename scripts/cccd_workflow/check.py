@@ -93,10 +93,10 @@ def _survey_row(
         return read_request(Request.of_row(row, folder), settings.import_, settings.seed, files), (), None
     image, table = (folder / row[column] if row[column] else None for column in ("image", "labels"))
     try:
-        structure, told, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)
+        structure, labels, drawn = survey_labels(folder / row["mask"], image, row["annotated"], table)
     except InputError as error:
         raise error.at(row["location"]) from None
-    return replace(structure, case=row["case"], organ=row["case"]), told, drawn
+    return replace(structure, case=row["case"], organ=row["case"]), labels, drawn
 
 
 def _check_one(

@@ -60,7 +60,7 @@ elif not any(Path(".snakemake", "locks").glob("*")):
     take_stand_ins_away()
 
 try:
-    plan = Plan.make(config, ROOT, leave_out_missing=True)
+    plan = Plan.make(config, ROOT, omit_missing=True)
 except InputError as error:
     sys.exit(f"Error: {error}")
 for name, error in plan.cohort.missing.items():
@@ -71,7 +71,7 @@ for note in plan.cohort.notes:
 config.update(plan.config)
 os.environ[DEVICE] = config["device"]
 
-cohort, library, pick, leave = plan.cohort, plan.library, plan.pick, plan.leave
+cohort, library, pick, omit = plan.cohort, plan.library, plan.pick, plan.omit
 
 #: The wildcards case and organ. Not the sheet's own names: a pattern that lists a thousand of them is searched
 #: for every file of every job, and planning would take time that grows with the cohort squared.

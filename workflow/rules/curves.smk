@@ -22,6 +22,6 @@ rule fit_curves:
         runtime=minutes(15),
     params:
         library=library("fit_curves"),
-        settings=leave("curves", "ordering", "sweep"),
+        settings=omit("curves", "ordering", "sweep"),
     script:
         "../../scripts/fit_curves.py"

@@ -47,7 +47,7 @@ if plan.junctions.trained:
             runtime=minutes(60),
         params:
             library=library("train_gnn", *plan.junctions.code(training=True)),
-            settings=leave(
+            settings=omit(
                 "gnn",
                 "pretrained",
                 "start",

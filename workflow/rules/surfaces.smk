@@ -1,7 +1,7 @@
 """Surfaces: contours -> closed spline surface -> meshes for viewers and CAD."""
 
 #: What of the section decides on each organ alone.
-LOFTING = leave("surface", *FILE_KEYS)
+LOFTING = omit("surface", *FILE_KEYS)
 
 #: Cases whose organs share their walls.
 SHARING = [(case,) for case in cohort.shared]

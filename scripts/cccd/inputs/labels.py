@@ -236,10 +236,10 @@ def _is_grey(data: AnyArray) -> bool:
         neighbours += np.bincount(one, minlength=count) + np.bincount(other, minlength=count)
         borders += int(np.count_nonzero(~same))
         in_order += int(np.count_nonzero(np.abs(one - other)[~same] <= 2))
-    told = neighbours >= _LEAST_NEIGHBOURS
-    if np.count_nonzero(told) < _LEAST_VALUES:
+    known = neighbours >= _LEAST_NEIGHBOURS
+    if np.count_nonzero(known) < _LEAST_VALUES:
         return False
-    coherent = alike[told] >= _COHERENT * neighbours[told]
+    coherent = alike[known] >= _COHERENT * neighbours[known]
     if len(coherent) <= _FEW_VALUES:
         return not coherent.any()
     ramp = count >= _RAMP_VALUES and in_order >= max(_RAMP_BORDERS * borders, 1)

@@ -53,7 +53,7 @@ OFFSETS = _offsets()
 
 
 def condition_basis(ratio: float, height: FloatArray, exact: bool) -> FloatArray:
-    """Hat functions (N, 36) of what the network is told of a stack.
+    """Hat functions (N, 36) of what the network knows about a stack.
 
     Parameters
     ----------

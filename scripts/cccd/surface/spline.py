@@ -316,8 +316,8 @@ class SplineSolid:
         mesh = spline.tessellate()
         to_plane = np.asarray(np.linalg.inv(self.stack.to_world), float)
         found = check_surface(mesh.transformed(to_plane), self.stack, self.crossing)
-        told = [violation.line(self.stack.to_world) for violation in found]
-        return LoftedSurface(spline.pieces(), mesh, frame, self.report(told))
+        lines = [violation.line(self.stack.to_world) for violation in found]
+        return LoftedSurface(spline.pieces(), mesh, frame, self.report(lines))
 
     def report(self, violations: Sequence[str] = ()) -> dict[str, Any]:
         """Count and measure, as plain JSON, with warnings; ``violations`` are lines for people."""

@@ -27,11 +27,11 @@ def main() -> None:
     samples = [sample for sample in drawn if sample is not None]
     with tqdm(total=asked.steps, desc="steps") as bar:
 
-        def told(_step: int, loss: float) -> None:
+        def report(_step: int, loss: float) -> None:
             bar.set_postfix_str(f"{loss:.3f} pixels", refresh=False)
             bar.update()
 
-        model = train(samples, asked.steps, asked.rate, asked.seed, asked.device, told)
+        model = train(samples, asked.steps, asked.rate, asked.seed, asked.device, report)
     save_weights(model, asked.weights)
 
 

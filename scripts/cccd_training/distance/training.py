@@ -102,7 +102,7 @@ def train(
     rate: float,
     seed: int,
     device: str = "cpu",
-    told: Callable[[int, float], None] | None = None,
+    report: Callable[[int, float], None] | None = None,
 ) -> DistanceModel:
     """Train on samples; the learning rate falls to nothing, and the mean of the last weights is given.
 
@@ -115,7 +115,7 @@ def train(
     seed : int
     device : str, default: "cpu"
         Of PyTorch; holds all samples.
-    told : callable, optional
+    report : callable, optional
         Called after each step with its number and its loss.
     """
     torch.manual_seed(seed)
@@ -134,8 +134,8 @@ def train(
         nn.utils.clip_grad_norm_(model.parameters(), 1.0)
         optimiser.step()
         mean.update_parameters(model)
-        if told is not None:
-            told(step, float(loss.detach()))
+        if report is not None:
+            report(step, float(loss.detach()))
     return cast("DistanceModel", mean.module).cpu()
 
 

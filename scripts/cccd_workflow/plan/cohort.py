@@ -115,7 +115,7 @@ class PlannedCohort:
         sheet: Path,
         shared_walls: bool | Literal["auto"],
         masks_are_ordered: bool,
-        leave_out_missing: bool = False,
+        omit_missing: bool = False,
     ) -> PlannedCohort:
         """Read a sheet; scans are opened only to list the labels of whole maps.
 
@@ -127,7 +127,7 @@ class PlannedCohort:
             Whether organs of a case share their walls.
         masks_are_ordered : bool
             Whether the junction network traces masks too.
-        leave_out_missing : bool
+        omit_missing : bool
             Leave rows out whose files are not there, unless they were imported before.
 
         Raises
@@ -138,7 +138,7 @@ class PlannedCohort:
         remote: dict[str, RemoteFile] = {}
         rows = [_with_local_paths(row, sheet.parent, remote) for row in read_cohort(sheet)]
         missing: dict[StructureName, InputError] = {}
-        if leave_out_missing:
+        if omit_missing:
             missing = _missing(rows, sheet.parent, remote)
             if len(missing) == len(rows):
                 raise next(iter(missing.values()))

@@ -63,7 +63,7 @@ class Plan:
     materials: list[str]
 
     @classmethod
-    def make(cls, config: Mapping[str, Any], root: Path, leave_out_missing: bool = False) -> Plan:
+    def make(cls, config: Mapping[str, Any], root: Path, omit_missing: bool = False) -> Plan:
         """Plan a run.
 
         Parameters
@@ -72,7 +72,7 @@ class Plan:
             What Snakemake read and merged.
         root : path
             The folder of the Snakefile.
-        leave_out_missing : bool
+        omit_missing : bool
             Leave rows out whose files are not there (`PlannedCohort.missing`).
 
         Raises
@@ -83,7 +83,7 @@ class Plan:
         settings = validate_config(config)
         sheet = find_file(settings.cohort, root)
         ordered = settings.curves.ordering == "gnn"
-        cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, ordered, leave_out_missing)
+        cohort = PlannedCohort.read(sheet, settings.surface.shared_walls, ordered, omit_missing)
         junctions = JunctionPlan.choose(settings, cohort, root)
         segmenter = SegmenterPlan.choose(settings, cohort, root)
         tables = (_calibration(settings), _materials(settings))
@@ -112,7 +112,7 @@ class Plan:
         """Return just these keys of a section of the configuration."""
         return {key: self.config[section][key] for key in keys if key in self.config[section]}
 
-    def leave(self, section: str, *keys: str) -> dict[str, Any]:
+    def omit(self, section: str, *keys: str) -> dict[str, Any]:
         """Return a section of the configuration without these keys."""
         return self.pick(section, *(key for key in self.config[section] if key not in keys))
 

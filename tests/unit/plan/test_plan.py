@@ -176,7 +176,7 @@ def test_a_comparison_gets_the_settings_that_it_names_and_no_other():
     plan = plan_of(MASK, curves={"k": 9})
     settings = plan.comparison_settings(comparison)
     assert set(settings) == {"curves", "gnn", "seed"}
-    assert settings["curves"] == plan.leave("curves", "ordering")
+    assert settings["curves"] == plan.omit("curves", "ordering")
     assert settings["curves"]["k"] == 9
     assert settings["gnn"] == plan.pick("gnn", "inference")
 
@@ -187,7 +187,7 @@ def test_comparisons_of_a_job_keep_their_own_settings_and_share_what_they_read()
     plan = plan_of(MASK)
     assert list(plan.comparison_inputs([one, two])) == ["structure", "curves"]
     settings = [plan.comparison_call(comparison)["settings"] for comparison in (one, two)]
-    assert settings == [{"curves": plan.leave("curves", "k")}, {"curves": plan.pick("curves", "sweep")}]
+    assert settings == [{"curves": plan.omit("curves", "k")}, {"curves": plan.pick("curves", "sweep")}]
 
 
 def test_what_is_compared_of_a_structure_is_one_job_and_a_closer_look_another():
@@ -214,8 +214,8 @@ def test_a_comparison_does_without_the_network_in_a_run_that_uses_none():
 def test_a_section_is_picked_by_its_keys():
     plan = plan_of(MASK)
     assert plan.pick("curves", "k", "no_such_key") == {"k": plan.config["curves"]["k"]}
-    assert plan.pick("curves", "k") | plan.leave("curves", "k") == plan.config["curves"]
-    assert "k" not in plan.leave("curves", "k")
+    assert plan.pick("curves", "k") | plan.omit("curves", "k") == plan.config["curves"]
+    assert "k" not in plan.omit("curves", "k")
 
 
 def test_only_an_edit_in_an_imported_module_changes_a_script_s_digest():

@@ -89,7 +89,7 @@ def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported(cap
     Path("others").mkdir()
     Path("others/cube.nii.gz").write_bytes(b"")
     config = {"cohort": str(plans.write_sheet(rows))}
-    plan = Plan.make(config, plans.ROOT, leave_out_missing=True)
+    plan = Plan.make(config, plans.ROOT, omit_missing=True)
     cohort = plan.cohort
     assert cohort.reconstructed == [named("a/ball")]
     error, empty, others = cohort.missing.values()
@@ -102,7 +102,7 @@ def test_a_row_without_its_mask_is_left_out_and_named_unless_it_was_imported(cap
     imported = Path("results/b/ball/structure.h5")
     imported.parent.mkdir(parents=True)
     imported.write_bytes(b"")
-    again = Plan.make(config, plans.ROOT, leave_out_missing=True).cohort
+    again = Plan.make(config, plans.ROOT, omit_missing=True).cohort
     assert again.reconstructed == [named("a/ball"), named("b/ball")]
 
 
@@ -113,7 +113,7 @@ def test_a_cohort_without_any_mask_is_refused(problem, monkeypatch):
         monkeypatch.setattr(os, "access", lambda path, _: bool(os.stat(path).st_mode & 0o400))  # root may
     config = {"cohort": str(plans.write_sheet([A_BALL | {"mask": "mask.nii.gz"}]))}
     with pytest.raises(InputError, match=rf"sheet\.tsv row 2: mask: {problem} mask\.nii\.gz"):
-        Plan.make(config, plans.ROOT, leave_out_missing=True)
+        Plan.make(config, plans.ROOT, omit_missing=True)
 
 
 def test_the_mask_that_a_cohort_s_layout_implies_is_an_input():
