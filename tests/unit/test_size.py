@@ -8,7 +8,7 @@ ROOT = Path(__file__).parents[2]
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 14483,
+    "scripts/cccd": 14485,
     "scripts/cccd_calibration": 1212,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1757,
