@@ -161,13 +161,13 @@ def may_cross(vertices: FloatArray, faces: IntArray) -> BoolArray:
     count = int(cell.max()) + 1
     cell_of_part = np.zeros(int(part.max()) + 1, np.int64)
     cell_of_part[part] = cell
-    calm = np.bincount(cell_of_part, minlength=count) == 1
+    calm: BoolArray = np.bincount(cell_of_part, minlength=count) == 1
     normals = unit_vectors(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     sums = [np.bincount(cell, along) for along in normals[owner].T]
     mean = unit_vectors(np.column_stack(sums).astype(float))
     torn = (opposite < 0).reshape(-1, 3) | pinched_vertices(faces, opposite)[faces]
     turned = np.einsum("nc,nc->n", normals[owner], mean[cell]) < CONE
-    calm[cell[turned | torn.any(axis=1)[owner]]] = False
+    calm[cell[turned | np.any(torn, axis=1)[owner]]] = False
     chosen = np.zeros(len(faces), np.bool_)
     chosen[owner[~calm[cell]]] = True
     return chosen

@@ -69,7 +69,7 @@ def to_polygons(inside: BoolArray, polygons: RaggedPolygons, spacing: FloatArray
     tree = igl.AABB()
     tree.init(corners, sides)
     squared = tree.squared_distance(corners, sides, places)[0].reshape(inside.shape)
-    away = np.sqrt(squared).astype(np.float32)
+    away: SingleArray = np.sqrt(squared).astype(np.float32)
     return np.where(inside & (away > 0), -away, away)
 
 

@@ -268,7 +268,8 @@ class SliceGap:
         single = [np.bincount(side, minlength=1)[side] == 1 for side in self.touching.T]
         alone = self.touching[single[0] & single[1]]
         free = self._nearest_free(pixel)
-        follows = np.append(self._on_course(*alone.T, pixel), np.ones(len(free), np.bool_))
+        course = self._on_course(alone[:, 0], alone[:, 1], pixel)
+        follows: BoolArray = np.concatenate([course, np.ones(len(free), np.bool_)])
         a, b = np.concatenate([alone, free]).T
         shift = self.above.centres[b] - self.below.centres[a]
         thick = np.maximum(self.below.half_widths[a], self.above.half_widths[b]) > self.height
@@ -276,7 +277,8 @@ class SliceGap:
         alike = reach.max(axis=0) <= _LONGER * reach.min(axis=0) + pixel
         moves = follows & alike & ~thick & self.below.within[a] & self.above.within[b]
         aside = np.linalg.norm(shift, axis=1) / reach.mean(axis=0)
-        share = moves * np.interp(aside, ASIDE, (0.0, 1.0))
+        moved: FloatArray = np.asarray(np.interp(aside, ASIDE, (0.0, 1.0)), float)
+        share = np.where(moves, moved, 0.0)
         return [Displacement(*way) for way in zip(a.tolist(), b.tolist(), shift, share.tolist(), strict=True)]
 
     def _off(self, a: IntArray, b: IntArray) -> tuple[FloatArray, FloatArray]:
