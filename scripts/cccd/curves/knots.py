@@ -309,7 +309,7 @@ def _cheapest(task: _Task, fit: _Fit, kept: np.ndarray, most: int, limit: float)
     return gone
 
 
-def _within(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
+def _fit_within_tolerance(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> _Fit:
     """Fewest knots whose spline keeps the tolerance: inserted where it does not, removed while it does."""
     fit, kept = _enriched(task, fit, kept, tolerance)
     for rounds, share in ((0, _REMOVAL_SHARE), (_CLOSE_ROUNDS, _CLOSE_REMOVAL_SHARE)):
@@ -383,7 +383,7 @@ def _flattened(task: _Task, fit: _Fit) -> _Fit:
     return fit
 
 
-def _with(task: _Task, fit: _Fit, kept: np.ndarray, target: int) -> _Fit:
+def _fit_with_knots(task: _Task, fit: _Fit, kept: np.ndarray, target: int) -> _Fit:
     """Best spline with ``target`` knots: the cheapest go until so many are left."""
     while len(fit.breaks) > target:
         excess = len(fit.breaks) - target
@@ -511,7 +511,7 @@ def fit_closed_spline(
     breaks, kept = _first_breaks(parameters, period, corner, number)
     fit = _fit(task, breaks, parameters, 0)
     if target:
-        fit = _flattened(task, _with(task, fit, kept, max(target, FEWEST)))
+        fit = _flattened(task, _fit_with_knots(task, fit, kept, max(target, FEWEST)))
     else:
-        fit = _within(task, fit, kept, _SAMPLE_SHARE * tolerance)
+        fit = _fit_within_tolerance(task, fit, kept, _SAMPLE_SHARE * tolerance)
     return fit.control, fit.knots, float(fit.distance.max())

@@ -26,10 +26,6 @@ ON_SLICE = 0.75
 VOLUME = 0.005
 
 
-def _nowhere() -> FloatArray:
-    return np.zeros((0, 3))
-
-
 @dataclass(frozen=True, eq=False)
 class Violation:
     """Where a surface is not as it must be.
@@ -43,7 +39,7 @@ class Violation:
     """
 
     problem: str
-    places: FloatArray = field(default_factory=_nowhere)
+    places: FloatArray = field(default_factory=lambda: np.zeros((0, 3)))
 
     def line(self, to_world: FloatArray) -> str:
         """One line for people, the place in mm RAS by an affine (4, 4)."""

@@ -259,10 +259,10 @@ def _shaped(
     origin: IntArray,
 ) -> tuple[FloatArray, SingleArray, list[str]]:
     """Shape levels between slices of which only some were drawn: ends of parts, and planes across."""
-    from cccd.surface.undrawn import ends_by_guides, guide_lines, shape_undrawn  # few masks need it
+    from cccd.surface.unannotated import ends_by_guides, guide_lines, shape_unannotated  # few masks need it
 
     guides = guide_lines(annotation, values.shape[1:], frame, origin)
-    values, warnings = shape_undrawn(z, values, slices, guides, frame)
+    values, warnings = shape_unannotated(z, values, slices, guides, frame)
     heights = z.copy()
     for n, beyond in ((0, z < slices.z[0] - SAME_HEIGHT), (-1, z > slices.z[-1] + SAME_HEIGHT)):
         end, last = float(slices.z[n]), slices.distance[n]

@@ -31,10 +31,6 @@ from cccd.store import (
 _SAME_POINT_MM = 1e-3
 
 
-def _nothing() -> dict[str, Any]:
-    return {}
-
-
 @dataclass
 class LoftedSurface:
     """The surface of one structure.
@@ -58,7 +54,7 @@ class LoftedSurface:
     bodies: list[ControlMesh]
     mesh: Mesh
     frame: Frame
-    report: dict[str, Any] = field(default_factory=_nothing)
+    report: dict[str, Any] = field(default_factory=dict[str, Any])
     band: Band | None = None
     whole: LoftedSurface | None = None
 

@@ -28,7 +28,7 @@ HEIGHT = 0.5
 REACH = 0.25
 
 
-def shape_undrawn(
+def shape_unannotated(
     z: FloatArray, values: SingleArray, slices: Slices, guides: Sequence[GuideLine], frame: Frame
 ) -> tuple[SingleArray, list[str]]:
     """Shape the levels between drawn slices.
