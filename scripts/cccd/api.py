@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
-from threadpoolctl import threadpool_limits
+from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingTypeStubs]
 
 from cccd.console import millilitres
 from cccd.containers import Curves, FittedCurves, Frame, Sections, Structure
@@ -64,7 +64,7 @@ F = TypeVar("F", bound=Callable[..., object])
 
 def one_thread(function: F) -> F:
     """Run in one thread, as a job of the workflow does: sums round by how many threads share them."""
-    return cast("F", threadpool_limits.wrap(limits=1)(function))  # which has no types
+    return cast(Any, threadpool_limits).wrap(limits=1)(function)
 
 
 @dataclass(frozen=True, repr=False)
@@ -279,7 +279,7 @@ class Surface:
 
     def plot(self, **options: object) -> object:
         """Draw the surface in a window or a notebook; options are those of `pyvista.PolyData.plot`."""
-        return self.to_pyvista().plot(**options)
+        return cast(Any, self.to_pyvista()).plot(**options)
 
     @needing("surface.write")
     @one_thread
@@ -424,7 +424,7 @@ def read(
         return _warned(read_request(request, settings.import_, settings.seed), 2)
 
 
-def checked_settings(settings: Settings | None) -> Settings:
+def checked_settings(settings: object) -> Settings:
     """Return settings as they were given, the default ones where there are none."""
     if isinstance(settings, Settings | None):
         return settings or _DEFAULTS
@@ -491,7 +491,7 @@ def reconstruct(
     (True, True)
     """
     settings = checked_settings(settings)
-    tell = progress or (lambda step: None)
+    tell: Callable[[str], object] = progress or (lambda step: None)
     tell("contours")
     if isinstance(organ, Curves):
         lofted = _loft(Sections(organ), settings, tell)

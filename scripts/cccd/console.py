@@ -6,7 +6,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 
 
@@ -17,7 +17,7 @@ def print_error(line: str, code: int = 1) -> int:
 
 
 @contextmanager
-def clock(text: str) -> Iterator[None]:
+def clock(text: str) -> Generator[None]:
     """Show on a terminal what is being made and for how long: for what has no steps to count."""
     from tqdm import tqdm
 
@@ -42,7 +42,7 @@ def millilitres(volume: float) -> str:
 
 
 @contextmanager
-def interruptible() -> Iterator[None]:
+def interruptible() -> Generator[None]:
     """Raise `KeyboardInterrupt` with the signal's number at SIGINT and SIGTERM; in the main thread alone."""
     if threading.current_thread() is not threading.main_thread():
         yield

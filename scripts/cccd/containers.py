@@ -446,7 +446,7 @@ class Splines:
         length = RaggedPolygons(self.control_points, self.offsets).lengths
         counts = np.maximum(np.ceil(per_pixel * length), 4 * np.diff(self.offsets)).astype(np.int64)
         parts = [np.zeros((0, 2))]
-        for (control, knots), count in zip(self, counts.tolist(), strict=True):
+        for (control, knots), count in zip(self, map(int, counts), strict=True):
             begin, end = float(knots[self.degree]), float(knots[-self.degree - 1])
             parts.append(evaluate_spline(knots, control, begin + (end - begin) * np.arange(count) / count))
         return Curves(np.concatenate(parts), offsets_of(counts), self.slice, self.hole, self.frame)

@@ -17,6 +17,7 @@ from cccd.containers import Curves, Frame, ProbabilityStack, Structure
 from cccd.errors import InputError
 from cccd.geometry.arrays import (
     FloatArray,
+    IntArray,
     concatenate_ragged,
     owners_of,
     split_ragged,
@@ -115,18 +116,18 @@ def level_curves(stack: ProbabilityStack, frame: Frame) -> Curves:
 
 
 def _oriented(
-    points: np.ndarray,
-    offsets: np.ndarray,
-    layer: np.ndarray,
-    area: np.ndarray,
-    origin: np.ndarray,
+    points: FloatArray,
+    offsets: IntArray,
+    layer: IntArray,
+    area: FloatArray,
+    origin: IntArray,
     frame: Frame,
 ) -> Curves:
     """Sort loops by slice and size and give each the orientation that the sign of ``area`` asks for."""
     order = np.lexsort((-np.abs(area), layer))
     loops = split_ragged(points, offsets)
     turned = np.sign(area) != np.sign(RaggedPolygons(points, offsets).signed_areas)
-    loops = [loops[n][::-1] if turned[n] else loops[n] for n in order]
+    loops = [loops[n][::-1] if turned[n] else loops[n] for n in map(int, order)]
     ragged, new_offsets = concatenate_ragged(loops)
     return Curves(
         ragged.astype(float) + origin[1:],

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
-from collections.abc import Iterator
+from collections.abc import Generator
 
 from cccd.errors import InputError
 
@@ -52,7 +52,7 @@ def _top_level(error: ModuleNotFoundError) -> str:
 
 
 @contextlib.contextmanager
-def needing(location: str, extra: str = "") -> Iterator[None]:
+def needing(location: str, extra: str = "") -> Generator[None]:
     """Raise that one line in place of a bare ``ModuleNotFoundError``; a decorator, too.
 
     Parameters

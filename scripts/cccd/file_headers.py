@@ -10,6 +10,7 @@ import contextlib
 import glob
 import re
 from pathlib import Path
+from typing import Any, cast
 
 from cccd.errors import InputError, choices
 from cccd.extras import missing_extra
@@ -40,7 +41,7 @@ def header_of(path: Path, *keywords: str) -> dict[str, str] | None:
                 return None
         import pydicom
 
-        header = pydicom.dcmread(path, stop_before_pixels=True, specific_tags=list(keywords))
+        header = cast(Any, pydicom).dcmread(path, stop_before_pixels=True, specific_tags=list(keywords))
         return {keyword: str(header.get(keyword, "")) for keyword in keywords}
     except ModuleNotFoundError as error:
         raise missing_extra(error, path.name) from None

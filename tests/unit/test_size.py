@@ -5,7 +5,7 @@ from support import ROOT
 
 #: Lines of Python (code, comments, docstrings, blank) that a folder may have. Lower them when it shrinks.
 MOST_LINES = {
-    "scripts/cccd": 14175,
+    "scripts/cccd": 14250,
     "scripts/cccd_calibration": 1208,
     "scripts/cccd_datasets": 1828,
     "scripts/cccd_dicom": 1639,

@@ -5,8 +5,11 @@ Both accept ragged closed curves, work on all points at once and return a bool p
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.tolerances import ROUNDING
 
 #: Which extremum of the k-cosine is a corner. The cosine is -1 on a straight line and +1 at a spike.
@@ -23,11 +26,11 @@ _TURN_DEG = 60.0
 class Ring:
     """Index arithmetic modulo each curve's length, for all points of ragged closed curves at once."""
 
-    def __init__(self, offsets: np.ndarray):
+    def __init__(self, offsets: IntArray):
         sizes = np.diff(offsets)
         self.size = np.repeat(sizes, sizes)
         self.begin = np.repeat(offsets[:-1], sizes)
-        self.rank = np.arange(offsets[-1]) - self.begin
+        self.rank = np.arange(int(offsets[-1])) - self.begin
 
     def at(self, shift: int) -> np.ndarray:
         """Index (P,) of the point ``shift`` places further along the same curve."""
@@ -118,12 +121,12 @@ def sharp_corners(points: np.ndarray, offsets: np.ndarray) -> np.ndarray:
     backward, straight_behind = _arm(points, ring, -_ARM_PX)
     forward, straight_ahead = _arm(points, ring, _ARM_PX)
     cosine = np.clip(-(forward * backward).sum(axis=1), -1, 1)
-    turn = np.round(np.degrees(np.arccos(cosine)), 9)
+    turn = cast(FloatArray, np.round(np.degrees(np.arccos(cosine)), 9))
     turn[~straight_behind | ~straight_ahead | (ring.size < 4 * _ARM_PX)] = 0
     return local_extrema(turn, np.full(len(points), _ARM_PX), ring) & (turn >= _TURN_DEG)
 
 
-def _arm(points: np.ndarray, ring: Ring, links: int) -> tuple[np.ndarray, np.ndarray]:
+def _arm(points: FloatArray, ring: Ring, links: int) -> tuple[FloatArray, BoolArray]:
     """Direction (P, 2) of the line through an arm's points, outwards, and whether they lie straight."""
     shifts = [ring.at(int(np.sign(links)) * step) for step in range(abs(links) + 1)]
     centre = sum(points[shift] for shift in shifts) / len(shifts)

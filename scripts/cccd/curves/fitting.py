@@ -20,7 +20,14 @@ import shapely
 from cccd.containers import Curves, Splines
 from cccd.curves.corners import sharp_corners
 from cccd.curves.knots import FEWEST, FEWEST_SAMPLES, SPACING_PX, STAIRCASE_PX, fit_closed_spline, reference
-from cccd.geometry.arrays import concatenate_ragged, offsets_of, ranks_of, split_ragged, sum_per_part
+from cccd.geometry.arrays import (
+    FloatArray,
+    concatenate_ragged,
+    offsets_of,
+    ranks_of,
+    split_ragged,
+    sum_per_part,
+)
 from cccd.geometry.polygons import DEGREE, RaggedPolygons, evaluate_spline, extend_knots
 from cccd.settings.curves import CurveSettings
 
@@ -147,7 +154,7 @@ def _fitted(
     sharp = split_ragged(sharp_corners(curves.points, curves.offsets), curves.offsets)
     shares = _shares(curves)
     widest = _filter_px(tolerance_px)
-    fits = []
+    fits: list[tuple[FloatArray, FloatArray, float]] = []
     for polygon, corners, tolerance, width, count in zip(
         curves, sharp, shares * tolerance_px, shares * widest, target.astype(np.int64), strict=True
     ):
@@ -167,7 +174,7 @@ def _left_out(splines: Splines, curves: Curves) -> np.ndarray:
     """How far (C,) in pixels the furthest point of each curve lies from its spline."""
     rings = splines.sample().polygons.rings()
     shapely.prepare(rings)
-    far = shapely.distance(shapely.points(curves.points), rings[curves.polygons.owners])
+    far = cast(Any, shapely).distance(shapely.points(curves.points), rings[curves.polygons.owners])
     return np.maximum.reduceat(far, curves.offsets[:-1]) if len(curves) else np.zeros(0)
 
 
@@ -230,9 +237,8 @@ def _along_curve(curves: Curves) -> tuple[Splines, np.ndarray]:
     edge = polygons.steps[polygons.predecessors][:, None]
     thirds = polygons.points[:, None] - np.arange(DEGREE - 1, -1, -1)[:, None] / DEGREE * edge
     offsets = DEGREE * polygons.offsets
-    knots = np.concatenate(
-        [np.zeros(0), *(extend_knots(np.repeat(np.arange(n), DEGREE), n) for n in polygons.sizes)]
-    )
+    breaks = [np.repeat(np.arange(float(size)), DEGREE) for size in polygons.sizes]
+    knots = np.concatenate([np.zeros(0), *(extend_knots(own, len(own) // DEGREE) for own in breaks)])
     return _splines(thirds.reshape(-1, 2), offsets, knots, curves), np.full(len(curves), np.inf)
 
 
@@ -322,8 +328,8 @@ def _strays(lines: RaggedPolygons, polygons: RaggedPolygons, reach: np.ndarray) 
 def crossing_place(control: np.ndarray, knots: np.ndarray) -> np.ndarray:
     """Where a spline crosses itself (2,), to a fraction of a pixel; its first point where it does not."""
     line = _line(control, knots)
-    noded = shapely.get_coordinates(shapely.node(shapely.LinearRing(line)))
-    met = set(map(tuple, noded)) - set(map(tuple, line))
+    noded: FloatArray = cast(Any, shapely).get_coordinates(shapely.node(shapely.LinearRing(line)))
+    met: set[tuple[float, ...]] = {*map(tuple, noded.tolist())} - {*map(tuple, line.tolist())}
     return np.array(min(met)) if met else line[0]
 
 

@@ -23,6 +23,7 @@ from cccd.curves.periodic import (
     value_at,
 )
 from cccd.geometry._jit import jit, jit_dividing_by_zero, jit_within
+from cccd.geometry.arrays import BoolArray, FloatArray, IntArray
 from cccd.geometry.polygons import DEGREE, extend_knots
 from cccd.tolerances import RIDGE, STILL, TINY
 
@@ -125,7 +126,7 @@ def _third_derivatives(knots: np.ndarray, count: int) -> np.ndarray:
 
 
 @jit_dividing_by_zero  # where knots coincide
-def _write_third(knots, first, second, third):
+def _write_third(knots: FloatArray, first: FloatArray, second: FloatArray, third: FloatArray) -> None:
     for s in range(len(third)):
         for r in range(3):
             width = knots[s + r + 4] - knots[s + r + 1]
@@ -165,7 +166,16 @@ def _removal_costs(fit: _Fit, points: np.ndarray, kept: np.ndarray) -> tuple[np.
 
 
 @jit
-def _measure(curve, points, into, span, value, normal, distance, cyclic):
+def _measure(
+    curve: FloatArray,
+    points: FloatArray,
+    into: FloatArray,
+    span: IntArray,
+    value: FloatArray,
+    normal: FloatArray,
+    distance: FloatArray,
+    cyclic: FloatArray,
+) -> None:
     """Write normals and signed distances at the points, and the normal equations of least squares."""
     for m in range(len(points)):
         s, piece, h = span[m], curve[span[m]], into[m]
@@ -180,7 +190,19 @@ def _measure(curve, points, into, span, value, normal, distance, cyclic):
 
 
 @jit_dividing_by_zero  # knots that coincide cost inf, and stay
-def _remove_each(control, kept, factor, third, begin, value, normal, distance, change, cost, peak):
+def _remove_each(
+    control: FloatArray,
+    kept: BoolArray,
+    factor: FloatArray,
+    third: FloatArray,
+    begin: IntArray,
+    value: FloatArray,
+    normal: FloatArray,
+    distance: FloatArray,
+    change: FloatArray,
+    cost: FloatArray,
+    peak: FloatArray,
+) -> None:
     """Write cost and peak of each knot's removal; ``change`` is room for what the control points do."""
     count, size = len(control), len(change)
     for k in range(1, count):
@@ -221,7 +243,7 @@ def _remove_each(control, kept, factor, third, begin, value, normal, distance, c
 
 
 @jit_within
-def _jump(third, k, q):
+def _jump(third: FloatArray, k: int, q: int) -> float:
     """How the third derivative's jump at a knot depends on control point ``k - 1 + q``."""
     after = third[k, q - 1] if 1 <= q < 5 else 0.0
     before = third[k - 1, q] if 0 <= q < 4 else 0.0
@@ -229,7 +251,7 @@ def _jump(third, k, q):
 
 
 @jit
-def _unrolled_factor(cyclic, ridge, factor):
+def _unrolled_factor(cyclic: FloatArray, ridge: float, factor: FloatArray) -> None:
     """Write the Cholesky factor of the closed band, unrolled by a run-in at either end."""
     count = len(cyclic)
     bending = (6.0 * ridge, -4.0 * ridge, ridge, 0.0)
@@ -283,7 +305,9 @@ def _insert(task: _Task, fit: _Fit, kept: np.ndarray, tolerance: float) -> tuple
 
 
 @jit
-def _choose(cost, order, peak, most, limit, gone):
+def _choose(
+    cost: FloatArray, order: IntArray, peak: FloatArray, most: int, limit: float, gone: BoolArray
+) -> None:
     """Mark the cheapest knots, at most ``most``, four apart, none with a peak above the limit, as ``gone``.
 
     ``order`` (n,) sorts the costs; a sort within would take three times as long to compile.
@@ -429,12 +453,9 @@ def reference(
     position = np.concatenate([[0.0], np.cumsum(link)])
     at = np.append(position[anchors], position[-1])
     pieces = np.maximum(np.ceil(np.diff(at) / spacing), max(2, fewest // len(anchors))).astype(int)
-    fine = np.concatenate(
-        [
-            np.linspace(a, b, _FINER * n, endpoint=False)
-            for a, b, n in zip(at[:-1], at[1:], pieces, strict=True)
-        ]
-    )
+    spans = zip(at[:-1].tolist(), at[1:].tolist(), pieces.tolist(), strict=True)
+    parts: list[FloatArray] = [np.linspace(a, b, int(_FINER * n), endpoint=False) for a, b, n in spans]
+    fine = np.concatenate(parts)
     ring = np.vstack([polygon, polygon[:1]])
     line = np.column_stack([np.interp(fine, position, ring[:, axis]) for axis in (0, 1)])
     samples = line[::_FINER]
@@ -463,8 +484,9 @@ def _first_breaks(
     begin = parameters[anchors] if len(anchors) else np.zeros(1)
     end = np.append(begin[1:], period)
     times = DEGREE if len(anchors) else 1
-    breaks, kept = [], []
-    for a, b in zip(begin, end, strict=True):
+    breaks: list[list[float] | FloatArray] = []
+    kept: list[list[bool]] = []
+    for a, b in zip(begin.tolist(), end.tolist(), strict=True):
         pieces = max(int(np.rint(number * (b - a) / period)), 1)
         breaks += [[a] * times, np.linspace(a, b, pieces, endpoint=False)[1:]]
         kept += [[True] * times, [False] * (pieces - 1)]

@@ -17,7 +17,7 @@ from cccd.geometry.polygons import DEGREE
 from cccd.tolerances import RIDGE, TINY
 
 
-def least_squares(knots, count, points, parameters):
+def least_squares(knots: FloatArray, count: int, points: FloatArray, parameters: FloatArray) -> FloatArray:
     """Control points (n, 2) that minimise the squared distances to ``points`` (m, 2).
 
     Parameters
@@ -38,7 +38,14 @@ def least_squares(knots, count, points, parameters):
 
 
 @jit
-def _add_points(points, span, value, band, border, right):
+def _add_points(
+    points: FloatArray,
+    span: IntArray,
+    value: FloatArray,
+    band: FloatArray,
+    border: FloatArray,
+    right: FloatArray,
+) -> None:
     body, count = len(band), len(right)
     for m in range(len(points)):
         for p in range(4):
@@ -55,7 +62,14 @@ def _add_points(points, span, value, band, border, right):
                     band[a, a - b] += value[m, p] * value[m, q]
 
 
-def tangent_least_squares(knots, control, points, weights, parameters, sliding):
+def tangent_least_squares(
+    knots: FloatArray,
+    control: FloatArray,
+    points: FloatArray,
+    weights: FloatArray,
+    parameters: FloatArray,
+    sliding: float,
+) -> FloatArray:
     """Control points (n, 2) one Gauss-Newton step on: distances are measured along the curve's normals.
 
     Where `least_squares` holds every point to its parameter, points may here slide along the tangent at
@@ -85,7 +99,18 @@ def tangent_least_squares(knots, control, points, weights, parameters, sliding):
 
 
 @jit
-def _add_tangents(points, weights, sliding, curve, into, span, value, band, border, right):
+def _add_tangents(
+    points: FloatArray,
+    weights: FloatArray,
+    sliding: float,
+    curve: FloatArray,
+    into: FloatArray,
+    span: IntArray,
+    value: FloatArray,
+    band: FloatArray,
+    border: FloatArray,
+    right: FloatArray,
+) -> None:
     count = len(curve)
     for m in range(len(points)):
         s = span[m]
@@ -125,7 +150,7 @@ def _add_tangents(points, weights, sliding, curve, into, span, value, band, bord
 
 
 @jit
-def _add_bending(band, border, weight, stride):
+def _add_bending(band: FloatArray, border: FloatArray, weight: float, stride: int) -> None:
     """Add the control polygon's squared second differences to the normal equations.
 
     ``stride`` coordinates of a control point stand side by side in the unknowns.
@@ -145,7 +170,7 @@ def _add_bending(band, border, weight, stride):
                         band[a, a - b] += term
 
 
-def _solve(band, border, right):
+def _solve(band: FloatArray, border: FloatArray, right: FloatArray) -> FloatArray:
     """Solve a symmetric system of a band and a few last rows (Cholesky, Schur complement).
 
     All three are overwritten.
@@ -164,7 +189,7 @@ def _solve(band, border, right):
 
 
 @jit
-def _reduce(band, border, right, columns):
+def _reduce(band: FloatArray, border: FloatArray, right: FloatArray, columns: FloatArray) -> None:
     """Solve in place; ``columns`` is room for the right-hand sides, then the border's columns."""
     body, width = band.shape[0], band.shape[1] - 1
     edge, sides = len(border), right.shape[1]
@@ -210,7 +235,9 @@ def _reduce(band, border, right, columns):
             right[a, c] = total / band[a, 0]
 
 
-def project(knots, control, points, parameters, steps):
+def project(
+    knots: FloatArray, control: FloatArray, points: FloatArray, parameters: FloatArray, steps: int
+) -> FloatArray:
     """Move each parameter towards the foot point of its point: Newton steps, order kept.
 
     Parameters
@@ -235,7 +262,15 @@ def project(knots, control, points, parameters, steps):
 
 
 @jit
-def _step(knots, curve, points, parameters, last, steps, distance):
+def _step(
+    knots: FloatArray,
+    curve: FloatArray,
+    points: FloatArray,
+    parameters: FloatArray,
+    last: float,
+    steps: int,
+    distance: FloatArray,
+) -> None:
     count, begin = len(curve), knots[3]
     for step in range(steps):
         s, before = 0, begin

@@ -6,17 +6,20 @@ All affines are RAS millimetres of voxel centres: ``world = affine @ (a, b, c, 1
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import Literal
+from typing import Any, Literal, cast
 
+import nibabel.orientations as untyped
 import numpy as np
 import numpy.typing as npt
 import scipy
-from nibabel.orientations import apply_orientation, inv_ornt_aff, io_orientation
 
 from cccd.errors import InputError
 from cccd.geometry.arrays import AnyArray, BoolArray, FloatArray, IntArray
 from cccd.inputs.coarser_grid import CoarserGrid
 from cccd.tolerances import ORTHOGONALITY
+
+#: nibabel: its functions have no types.
+orientations = cast(Any, untyped)
 
 #: LPS and RAS differ by the sign of the first two axes.
 LPS_TO_RAS = np.diag([-1.0, -1.0, 1.0, 1.0])
@@ -57,12 +60,12 @@ class Volume:
     data: AnyArray
     affine: FloatArray
     location: str
-    names: dict[int, str] = field(default_factory=dict)
+    names: dict[int, str] = field(default_factory=dict[int, str])
     instances: tuple[str, ...] = ()
     frame_of_reference: str = ""
     uneven: bool = False
     coarser: CoarserGrid | None = None
-    warnings: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list[str])
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -191,8 +194,10 @@ def on_grid(
     Volume or None
         None where the voxels of the two grids do not coincide.
     """
-    turn = io_orientation(np.linalg.solve(affine, volume.affine))  # of the volume's axes on the grid
-    data, moved = apply_orientation(volume.data, turn), volume.affine @ inv_ornt_aff(turn, volume.shape)
+    # of the volume's axes on the grid
+    turn = orientations.io_orientation(np.linalg.solve(affine, volume.affine))
+    data = cast(AnyArray, orientations.apply_orientation(volume.data, turn))
+    moved = cast(FloatArray, volume.affine @ orientations.inv_ornt_aff(turn, volume.shape))
     start = np.rint(np.linalg.solve(affine, moved)[:3, 3]).astype(int)
     shifted = affine.copy()
     shifted[:3, 3] += affine[:3, :3] @ start
@@ -207,7 +212,7 @@ def on_grid(
         return replace(volume, data=data[there], affine=affine) if covers else None
     if np.count_nonzero(data != fill) != np.count_nonzero(data[there] != fill):
         return None
-    placed = np.pad(data[there], list(zip(low, shape - high, strict=True)), constant_values=fill)
+    placed = np.pad(data[there], np.column_stack([low, shape - high]).astype(int), constant_values=fill)
     return replace(volume, data=placed, affine=affine)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from nibabel.spatialimages import SpatialImage
@@ -50,7 +50,7 @@ def array_of(
         if organ.GetDimension() == 3:
             own = sitk.GetArrayFromImage(organ).T, itk_affine(organ)
     elif isinstance(organ, (np.ndarray, list)) or hasattr(organ, "__array__"):
-        return np.asarray(organ), _grid(affine, spacing)
+        return np.asarray(cast(Any, organ)), _grid(affine, spacing)
     if own is None:
         what = f"{type(organ).__name__} is no mask in three dimensions"
         raise InputError("organ", what, "give an array, a nibabel or SimpleITK image, or cccd.read(path)")

@@ -78,8 +78,8 @@ class Scan:
     coarser: CoarserGrid | None = None
     annotated: str = EVERY_SLICE
     names: Mapping[int, str] = field(default_factory=dict[int, str])
-    provenance: dict[str, Any] = field(default_factory=dict)
-    warnings: list[str] = field(default_factory=list)
+    provenance: dict[str, Any] = field(default_factory=dict[str, Any])
+    warnings: list[str] = field(default_factory=list[str])
 
 
 def read_request(
@@ -193,7 +193,7 @@ def _read_files(request: Request, settings: ImportSettings, files: Callable[...,
         "versions": dict(_versions()),
         **scan.provenance,
     }
-    warnings = [] if image is None else image.warnings
+    warnings: list[str] = [] if image is None else image.warnings
     return replace(scan, provenance=provenance, warnings=warnings + scan.warnings)
 
 
@@ -433,7 +433,7 @@ def _crop(scan: Scan, request: Request) -> Structure:
         note = f"{outside} voxels of the ground truth lie outside the crop, and are not scored"
         warnings += [note] * (outside > 0)
     if annotation is not None and mask is not None:
-        drawn = np.isin(np.arange(mask.shape[axis]) + first[axis], annotation.slices)
+        drawn = np.isin(np.arange(int(mask.shape[axis])) + int(first[axis]), annotation.slices)
         mask &= np.expand_dims(drawn, frame.in_plane_axes)
     return Structure(
         case=request.case,

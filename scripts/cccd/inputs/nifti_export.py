@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gzip
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,7 @@ def write_nifti(path: str | Path, values: npt.NDArray[np.integer | np.floating],
     affine : (4, 4) float64
         ``world_mm = affine @ (a, b, c, 1)``.
     """
-    image = Nifti1Image(values, affine)
+    image: Any = Nifti1Image(values, affine)
     image.set_sform(affine, code=1)
     columns = affine[:3, :3] / np.linalg.norm(affine[:3, :3], axis=0)
     tilted = np.abs(columns.T @ columns - np.eye(3)).max() > ORTHOGONALITY

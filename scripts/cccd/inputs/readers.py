@@ -10,13 +10,13 @@ import contextlib
 import json
 import math
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
+import nibabel.loadsave
 import numpy as np
 from nibabel.analyze import AnalyzeImage
-from nibabel.loadsave import load as load_image
 from nibabel.nifti1 import Nifti1Pair
 from nibabel.spatialimages import SpatialImage
 
@@ -88,7 +88,7 @@ _NRRD_FIELD = 400
 
 
 @contextlib.contextmanager
-def guarded(location: str, problem: str, hint: str) -> Iterator[None]:
+def guarded(location: str, problem: str, hint: str) -> Generator[None]:
     """Turn whatever a decoder raises over a damaged file into one line.
 
     Decoders raise ``KeyError``, ``struct.error``, ``AssertionError`` and their own errors alike, so every
@@ -243,7 +243,7 @@ def read_nifti(path: Path) -> Volume:
     """
     location = path.name
     with guarded(location, "not a readable NIfTI volume", "convert it to NIfTI, NRRD or MHA"):
-        image = load_image(path)
+        image = cast(Any, nibabel.loadsave).load(path)
         if not isinstance(image, SpatialImage):
             raise InputError(location, "not a volume", "give a 3-D volume")
         affine = check_affine(image.affine, location)
@@ -253,7 +253,7 @@ def read_nifti(path: Path) -> Volume:
         ratio = _DEFLATE_RATIO if voxels.name.lower().endswith("gz") else 1
         _check_promise(math.prod(map(int, image.shape)) * image.get_data_dtype().itemsize, ratio, voxels)
         data = np.asanyarray(image.dataobj)
-    warnings = []
+    warnings: list[str] = []
     if isinstance(image, AnalyzeImage):
         codes = (int(image.header[code]) for code in ("sform_code", "qform_code") if code in image.header)
         if not any(codes):
@@ -267,7 +267,8 @@ def _two_places(image: SpatialImage, location: str) -> list[str]:
     """Say where a NIfTI header's two affines put the voxels at places that are not the same."""
     if not isinstance(image, Nifti1Pair):
         return []
-    sform, qform = image.get_sform(coded=True)[0], image.get_qform(coded=True)[0]
+    header = cast(Any, image)
+    sform, qform = header.get_sform(coded=True)[0], header.get_qform(coded=True)[0]
     if sform is None or qform is None:
         return []
     apart = farthest_apart(sform, qform, image.shape[:3])
@@ -287,7 +288,7 @@ def read_itk(path: Path) -> Volume:
     import SimpleITK as sitk  # noqa: N813
 
     location = path.name
-    reader = sitk.ImageFileReader()
+    reader = cast(Any, sitk.ImageFileReader())
     reader.SetFileName(str(path))
     with guarded(location, "not a readable volume", "give NIfTI, NRRD, MHA or DICOM"):
         known = location.lower().endswith((".nrrd", ".nhdr", ".mha", ".mhd"))
@@ -310,7 +311,7 @@ def read_itk(path: Path) -> Volume:
 def itk_affine(image: sitk.Image) -> FloatArray:
     """Affine (4, 4), index to world mm (RAS), of a three-dimensional image of SimpleITK."""
     affine = np.eye(4)
-    affine[:3, :3] = np.reshape(image.GetDirection(), (3, 3)) * image.GetSpacing()
+    affine[:3, :3] = np.reshape(cast(Any, image).GetDirection(), (3, 3)) * image.GetSpacing()
     affine[:3, 3] = image.GetOrigin()
     return LPS_TO_RAS @ affine
 
@@ -318,7 +319,7 @@ def itk_affine(image: sitk.Image) -> FloatArray:
 def _nifti_names(image: SpatialImage) -> dict[int, str]:
     """Names of labels as TotalSegmentator writes them into the header's extension (Caret's XML)."""
     pattern = re.compile(rb'<Label\s[^>]*Key="(\d+)"[^>]*>(?:<!\[CDATA\[)?([^<\]]+)')
-    found = {}
+    found: dict[int, str] = {}
     for extension in getattr(image.header, "extensions", ()):
         content = extension.get_content()
         content = content if isinstance(content, bytes) else str(content).encode()
@@ -344,7 +345,7 @@ def dataset_names(path: Path) -> dict[int, str]:
 
 def _segment_names(keys: dict[str, str]) -> dict[int, str]:
     """Names of labels as 3D Slicer writes them into ``.seg.nrrd``."""
-    names = {}
+    names: dict[int, str] = {}
     for key, value in keys.items():
         if match := re.fullmatch(r"(Segment\d+)_LabelValue", key):
             names[int(value)] = keys.get(f"{match[1]}_Name", match[1])
