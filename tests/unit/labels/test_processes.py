@@ -11,7 +11,7 @@ import pytest
 from support import SCRIPTS
 
 CODE = """
-import os, sys, time
+import os, signal, sys, time
 from cccd_labels.processes import worker_processes
 
 def stay(number):
@@ -19,6 +19,7 @@ def stay(number):
     time.sleep(600)
 
 if __name__ == "__main__":
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # a shell ignores it for what runs behind
     with worker_processes(2) as pool:
         print(list(pool.map(stay, range(2))))
 """
