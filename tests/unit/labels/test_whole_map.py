@@ -10,7 +10,6 @@ from scipy import ndimage
 import cccd
 from cccd.commands import with_name
 from cccd.geometry.mesh import Mesh
-from cccd.inputs import readers
 from cccd_labels.all_surfaces import without_written
 from cccd_labels.whole_map import WholeMap
 
@@ -77,8 +76,8 @@ def test_what_is_said_of_shared_walls_is_true_of_them(tmp_path):
 
 def test_labels_of_one_file_share_what_was_read(cubes, monkeypatch):
     opened = []
-    nibabel_load = readers.load_image
-    monkeypatch.setattr(readers, "load_image", lambda path: (opened.append(path), nibabel_load(path))[1])
+    nibabel_load = nibabel.loadsave.load
+    monkeypatch.setattr(nibabel.loadsave, "load", lambda path: (opened.append(path), nibabel_load(path))[1])
     whole = whole_map(cubes)
     assert len(opened) <= 2  # the list of its labels, and the voxels
     for number, structure in whole.structures.items():
