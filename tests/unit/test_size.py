@@ -25,7 +25,7 @@ MOST_LINES = {
     "scripts/cccd_walls": 809,
     "scripts/cccd_workflow": 6406,
     "bench": 4692,
-    "tests": 23409,
+    "tests": 23411,
 }
 
 
