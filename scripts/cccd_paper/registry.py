@@ -268,8 +268,8 @@ ITEMS = (
         section="paper",
         plots=_PLOTS + "figure_8",
         captions=(
-            "Algorithm 1 with its lines. Here a mask is traced and asks no network, and the surface is "
-            "lofted from automatic splines unless curves.method is corners.",
+            "Algorithm 1 with its lines. Here a mask is traced without a network, and the surface is "
+            "made from the contours, not from their splines.",
         ),
     ),
     Item(
